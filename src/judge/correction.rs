@@ -581,6 +581,17 @@ impl Law {
         }
     }
 
+    /// Whether steps from one surface find its numbers.
+    pub fn is_closed_form(&self) -> bool {
+        matches!(self.proposed, Proposed::ByLines | Proposed::ByProducts)
+    }
+
+    /// First steps at these numbers, times a factor, and how far each number may be from 0.
+    pub fn steps_at(&self, numbers: &[f64], factor: f64) -> Vec<[f64; 2]> {
+        let unit = factor * (self.unit)(numbers);
+        self.steps.iter().map(|[step, far]| [unit * step, *far]).collect()
+    }
+
     /// Whether the counts of a capture change, beyond its time zero.
     pub fn changes_counts(&self) -> bool {
         self.of_pair.is_some() && !["time zero", "record"].contains(&self.name)

@@ -136,7 +136,7 @@ pub fn begin_of(
     let problem = Problem { memory: job.settings.memory, ..Problem::new(&whole, grid) };
     let mut watch = Watch { hear, maps_every: None, maps_at: &[] };
     let starts = Arc::new(Starts::of(gpu, [&job.capture, &whole], &problem, &options, &mut watch)?);
-    Ok(FitBegin { grid, starts })
+    Ok(FitBegin { grid, starts, delays: vec![] })
 }
 
 /// The held-out pairs of a short fit of another version of the job's capture, with sharp paths, by the usual model. `None` if it finds no

@@ -27,7 +27,9 @@ mod bounds {
     pub const STEP: [f64; 2] = [0.98, 1.5];
     pub const LONGER: f64 = 2.4;
     /// Laws that resemble a scale and are minimised: those whose starts leave least, by at most this factor.
-    pub const AS_SCALE: (usize, f64) = (1, 0.93);
+    pub const AS_SCALE: (usize, f64) = (2, 0.93);
+    /// Share that is left by fits of a moved surface up to which the network looks at the capture.
+    pub const NEARLY: f64 = 1.25;
     /// Longest delay of a line, as a share of the bins, and in bins of the fits; share of what is left that delays must explain.
     pub const FARTHEST: [usize; 2] = [8, 24];
     pub const WORTH: f64 = 0.2;
@@ -44,7 +46,7 @@ mod bounds {
 ///
 /// # Errors
 /// The device fails, or the caller cancels.
-pub fn closed_form(trials: &mut Trials<'_>, _: &[TriedLaw]) -> Result<Vec<Proposal>> {
+pub fn closed_form(trials: &mut Trials<'_>) -> Result<Vec<Proposal>> {
     let certain = trials.base.held.left().certain();
     let [doubtful, very] = bounds::DOUBTFUL;
     if certain > doubtful
@@ -133,7 +135,7 @@ fn correlated(law: &Law, held: &HeldOut, scan: [usize; 2]) -> Option<(Vec<f64>, 
 ///
 /// # Errors
 /// The device fails, or the caller cancels.
-pub fn by_steps(trials: &mut Trials<'_>, _: &[TriedLaw]) -> Result<Vec<Proposal>> {
+pub fn by_steps(trials: &mut Trials<'_>) -> Result<Vec<Proposal>> {
     let mut changes: Vec<(&'static Law, i32, Vec<f64>)> = vec![];
     for law in LAWS {
         let Proposed::BySteps(steps) = law.proposed else { continue };
@@ -171,6 +173,7 @@ pub fn by_steps(trials: &mut Trials<'_>, _: &[TriedLaw]) -> Result<Vec<Proposal>
     }
     // A scale that leaves less by its step stays, whatever leaves less by theirs; of the others the first one.
     let first = all.first().map(|of| of.law.name);
+    trials.is_scaled = all.iter().any(|of| (of.law.has_rivals)(&of.starts[0]));
     all.retain(|of| (of.law.has_rivals)(&of.starts[0]) || Some(of.law.name) == first);
     Ok(all)
 }
@@ -179,8 +182,8 @@ pub fn by_steps(trials: &mut Trials<'_>, _: &[TriedLaw]) -> Result<Vec<Proposal>
 ///
 /// # Errors
 /// The device fails, or the caller cancels.
-pub fn as_scale(trials: &mut Trials<'_>, found: &[TriedLaw]) -> Result<Vec<Proposal>> {
-    if !found.iter().any(|tried| (tried.law.has_rivals)(&tried.numbers)) {
+pub fn as_scale(trials: &mut Trials<'_>) -> Result<Vec<Proposal>> {
+    if !trials.is_scaled {
         return Ok(vec![]);
     }
     let (most, factor) = bounds::AS_SCALE;
@@ -188,16 +191,17 @@ pub fn as_scale(trials: &mut Trials<'_>, found: &[TriedLaw]) -> Result<Vec<Propo
     let scan = trials.scan.clone();
     for law in LAWS.iter().filter(|law| law.proposed == Proposed::AsScale && (law.applies)(&scan)) {
         let is_far = law.of_point.is_some();
-        let best = trials.begun(&Proposal { law, starts: (law.starts)(&scan), is_far })?;
-        begun.extend(best.filter(|best| best.excess() < factor * trials.before()));
+        let mut best = trials.begun(&Proposal { law, starts: (law.starts)(&scan), is_far })?;
+        // Fits that begin with the surface at hand, moved, nearly agree: what the network sees then decides.
+        if let Some(near) = best.as_ref().filter(|best| !is_far && best.share_left() < bounds::NEARLY) {
+            let seen = trials.looked_at(law, &near.numbers.clone())?;
+            best = best.into_iter().chain(seen).min_by(|a, b| a.share_left().total_cmp(&b.share_left()));
+        }
+        begun.extend(best.filter(|best| best.share_left() < factor));
     }
-    begun.sort_by(|a, b| a.excess().total_cmp(&b.excess()));
+    begun.sort_by(|a, b| a.share_left().total_cmp(&b.share_left()));
     begun.truncate(most);
-    let proposal = |TriedLaw { law, numbers, .. }| Proposal {
-        law,
-        starts: vec![numbers],
-        is_far: law.of_point.is_some(),
-    };
+    let proposal = |TriedLaw { law, numbers, .. }| Proposal { law, starts: vec![numbers], is_far: true };
     Ok(begun.into_iter().map(proposal).collect())
 }
 

@@ -5,8 +5,11 @@ use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
+use glam::{DMat3, DVec3};
+
 use super::correction::{Law, LawCorrection, LawScan, Proposed};
 use super::decide::EvidenceGate;
+use super::estimates::Estimates;
 use super::finding::{CaptureFinding, FindingSource};
 use super::given::figures_of;
 use super::job::Job;
@@ -29,12 +32,16 @@ mod bounds {
     pub const SUSPICIOUS: f64 = 0.03;
     /// What brief fits must reach for a law to be fitted whole.
     pub const PROMISING: EvidenceGate = EvidenceGate { factor: 0.93, errors: 2.0 };
-    /// Corrections with which the network looks again.
+    /// Corrections that are refined.
     pub const FINALISTS: usize = 2;
-    /// Fits of a law at most, with one number and for each further one: by the first look of the network, and by its second one.
-    pub const FITS: [[usize; 2]; 2] = [[7, 4], [9, 5]];
+    /// Fits of a law at most, with one number and for each further one.
+    pub const FITS: [usize; 2] = [7, 4];
+    /// Steps of whole fits over those of brief ones.
+    pub const REFINED: f64 = 0.75;
     /// Fits of a simplex end where its corners differ by this share: fits of one capture scatter by as much.
     pub const ALIKE: f64 = 0.03;
+    /// Moves of the parabola's middle at most.
+    pub const MOVES: usize = 3;
     /// Rivals leave at most this many times as much as the best one: fits of one capture scatter by more than pairs do.
     pub const RIVAL: f64 = 1.5;
     /// Closed-form steps of gains and of delays of lines: a surface that was fitted with a fault hides a part of it, so that each must leave
@@ -46,25 +53,51 @@ mod bounds {
 }
 
 impl<'j> Trials<'j> {
-    /// The numbers of a law that leave least, from a proposal, by the `look`th look of the network, which halves the steps.
-    fn minimised(&mut self, proposal: &Proposal, look: usize) -> Result<Option<TriedLaw>> {
+    /// The numbers of a law that leave least, by brief fits that begin with what the proposal's do.
+    fn minimised(&mut self, proposal: &Proposal) -> Result<Option<TriedLaw>> {
         let law = proposal.law;
-        if matches!(law.proposed, Proposed::ByLines | Proposed::ByProducts) {
+        if law.is_closed_form() {
             return self.stepped(law, &proposal.starts);
         }
-        let begin = self.begun(proposal)?.filter(|begin| begin.excess() < self.before());
+        let begin = self.begun(proposal)?.filter(|begin| begin.share_left() < 1.0);
         let Some(begin) = begin else { return Ok(None) };
-        let [first, each] = bounds::FITS[look];
-        let share = 0.5f64.powi(look as i32) * (law.unit)(&begin.numbers);
+        let [first, each] = bounds::FITS;
         let fits = first + each * (law.steps.len() - 1);
-        let steps: Vec<[f64; 2]> = law.steps.iter().map(|[step, far]| [share * step, *far]).collect();
-        let least = (begin.excess(), begin.numbers.clone());
+        let steps = law.steps_at(&begin.numbers, 1.0);
+        let least = (begin.share_left(), begin.numbers.clone());
         self.beginning_with(&begin.begun, |trials| {
             let mut cost =
-                |n: &[f64]| Ok(trials.judged(law, n)?.map_or(f64::INFINITY, |tried| tried.excess()));
+                |n: &[f64]| Ok(trials.judged(law, n)?.map_or(f64::INFINITY, |tried| tried.share_left()));
             let (_, numbers) = minimised(&mut cost, least, &steps, fits, bounds::ALIKE)?;
             trials.judged(law, &numbers)
         })
+    }
+
+    /// What a whole fit leaves without a law that brief fits found.
+    fn whole(&mut self, TriedLaw { law, numbers, .. }: &TriedLaw) -> Result<Option<TriedLaw>> {
+        match law.is_closed_form() {
+            true => self.stepped(law, std::slice::from_ref(numbers)),
+            false => self.looked_at(law, numbers),
+        }
+    }
+
+    /// Numbers of a law refined by whole fits, each of which begins with what the network sees once its numbers are undone: fits that begin
+    /// with another picture prefer the numbers of that.
+    fn refined(&mut self, TriedLaw { law, numbers, .. }: &TriedLaw) -> Result<Option<TriedLaw>> {
+        let steps = law.steps_at(numbers, bounds::REFINED);
+        let mut cost =
+            |n: &[f64]| Ok(self.looked_at(law, n)?.map_or(f64::INFINITY, |tried| tried.share_left()));
+        let least = cost(numbers)?;
+        let numbers = match steps[..] {
+            [[step, far]] => {
+                vertex(&mut |n| cost(&[n]), numbers[0], least, step)?.map(|n| vec![n.clamp(-far, far)])
+            }
+            _ => {
+                let fits = bounds::FITS[1] * law.steps.len();
+                Some(minimised(&mut cost, (least, numbers.clone()), &steps, fits, bounds::ALIKE)?.1)
+            }
+        };
+        numbers.map_or(Ok(None), |numbers| self.looked_at(law, &numbers))
     }
 
     /// The same by closed-form steps from what is left once earlier ones are undone.
@@ -72,7 +105,7 @@ impl<'j> Trials<'j> {
         let (mut best, mut next): (Option<TriedLaw>, _) = (None, starts.first().cloned());
         for _ in 0..bounds::ROUNDS {
             let Some(tried) = next.map_or(Ok(None), |numbers| self.judged(law, &numbers))? else { break };
-            if tried.excess() > bounds::LESS * best.as_ref().map_or(self.before(), TriedLaw::excess) {
+            if tried.share_left() > bounds::LESS * best.as_ref().map_or(1.0, TriedLaw::share_left) {
                 break;
             }
             let undone =
@@ -100,8 +133,62 @@ impl<'j> Trials<'j> {
     fn leaves_less_both_ways(&mut self, best: &TriedLaw) -> Result<bool> {
         let opposite: Vec<f64> = best.numbers.iter().map(|n| -n).collect();
         let tried = if best.law.has_opposite { self.judged(best.law, &opposite)? } else { None };
-        Ok(tried.is_some_and(|tried| tried.excess() < bounds::OPPOSITE * self.before()))
+        Ok(tried.is_some_and(|tried| tried.share_left() < bounds::OPPOSITE))
     }
+}
+
+/// A law that was found, refined with what is estimated of the capture without it: estimates of the wrong capture prefer wrong numbers.
+fn refined_by(job: &Job<'_>, estimates: &Estimates, found: &TriedLaw, gpu: &Gpu) -> Result<Option<TriedLaw>> {
+    let Some(at_hand) = job.estimates.at_hand.as_ref().filter(|_| !found.law.is_closed_form()) else {
+        return Ok(None);
+    };
+    let of = Job { estimates: estimates.clone(), ..job.with_capture(Cow::Borrowed(&job.capture)) };
+    let mut quiet = |_: &Progress| ControlFlow::Continue(());
+    let Some(mut trials) = Trials::new(&of, at_hand.starts.clone(), gpu, &mut quiet)? else {
+        return Ok(None);
+    };
+    if trials.fit_whole()? { trials.refined(found) } else { Ok(None) }
+}
+
+/// The least cost near a number of this cost: the vertex of the parabola through the costs of five numbers, which scatter. `None` without
+/// a least one between them.
+fn vertex(
+    cost: &mut dyn FnMut(f64) -> Result<f64>,
+    start: f64,
+    least: f64,
+    step: f64,
+) -> Result<Option<f64>> {
+    let mut known = vec![(0i32, least)];
+    let mut middle = 0;
+    for _ in 0..bounds::MOVES {
+        for at in [-2, -1, 1, 2].map(|by| middle + by) {
+            if known.iter().all(|(other, _)| *other != at) {
+                known.push((at, cost(start + f64::from(at) * step)?));
+            }
+        }
+        let near = || known.iter().filter(|(at, cost)| (at - middle).abs() <= 2 && cost.is_finite());
+        let best = near().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(middle, |(at, _)| *at);
+        if (best - middle).abs() < 2 {
+            let points: Vec<[f64; 2]> = near().map(|(at, cost)| [f64::from(*at), *cost]).collect();
+            return Ok(parabola(&points)
+                .map(|at| start + step * at.clamp(f64::from(middle) - 2.0, f64::from(middle) + 2.0)));
+        }
+        middle = best;
+    }
+    Ok(Some(start + step * f64::from(middle)))
+}
+
+/// The vertex of the parabola of least squares, if it is a minimum.
+fn parabola(points: &[[f64; 2]]) -> Option<f64> {
+    let sum = |of: &dyn Fn(f64) -> f64| points.iter().map(|[x, y]| of(*x) * y).sum::<f64>();
+    let moment = |k: i32| points.iter().map(|[x, _]| x.powi(k)).sum::<f64>();
+    let matrix = DMat3::from_cols(
+        [0, 1, 2].map(|k| moment(k)).into(),
+        [1, 2, 3].map(|k| moment(k)).into(),
+        [2, 3, 4].map(|k| moment(k)).into(),
+    );
+    let of = matrix.inverse() * DVec3::new(sum(&|_| 1.0), sum(&|x| x), sum(&|x| x * x));
+    (points.len() >= 3 && of.z > 0.0).then(|| -0.5 * of.y / of.z)
 }
 
 /// Corrects a capture by what a search finds and held-out pairs confirm, by estimates anew; twice at most.
@@ -117,14 +204,27 @@ pub fn corrected<'c>(
         if job.estimates.at_hand.is_none() {
             break;
         }
-        let clock = Instant::now();
+        let (clock, before) = (Instant::now(), job.estimates.seconds);
         let found = searched(&job, gpu, hear)?;
-        let seconds = clock.elapsed().as_secs_f64();
-        let Some(found) = found else {
-            job.estimates.add_search(seconds);
-            break;
-        };
+        job.estimates.add_search(clock.elapsed().as_secs_f64());
+        let Some(mut found) = found else { break };
         let frame = LawScan::of(&job.capture).frame;
+        // A bar that does not begin again.
+        let mut hear = |progress: &Progress| match progress.doing {
+            Doing::Preview => ControlFlow::Continue(()),
+            _ => hear(&Progress { doing: Doing::Search, maps: None, ..progress.clone() }),
+        };
+        let mut estimated = |job: &Job<'c>, found: &TriedLaw| {
+            let undone = found.law.undone(&job.capture, &LawScan::of(&job.capture), &found.numbers);
+            estimate::estimate(job.clone().again(Cow::Owned(undone)), gpu, &mut hear)
+        };
+        let mut undone = estimated(&job, &found)?;
+        if let Some(better) = refined_by(&job, &undone.estimates, &found, gpu)?
+            .filter(|better| better.share_left() < found.share_left())
+        {
+            found = better;
+            undone = estimated(&job, &found)?;
+        }
         let correction = LawCorrection { law: found.law, numbers: found.numbers.clone(), frame };
         let mut finding =
             CaptureFinding::new(FindingSource::Searched, correction.what(&job.capture), found.law.hint);
@@ -137,18 +237,14 @@ pub fn corrected<'c>(
         if is_used {
             finding.corrections = vec![correction.as_stored()];
         }
+        if is_used {
+            job = undone;
+        }
         job.estimates.findings.push(finding);
-        job.estimates.add_search(seconds);
+        job.estimates.add_search(clock.elapsed().as_secs_f64() + before - job.estimates.seconds);
         if !is_used {
             break;
         }
-        let undone = correction.undone(&job.capture);
-        // A bar that does not begin again.
-        let mut hear_search = |progress: &Progress| match progress.doing {
-            Doing::Preview => ControlFlow::Continue(()),
-            _ => hear(&Progress { doing: Doing::Search, maps: None, ..progress.clone() }),
-        };
-        job = estimate::estimate(job.again(Cow::Owned(undone)), gpu, &mut hear_search)?;
     }
     Ok(job)
 }
@@ -169,10 +265,10 @@ fn searched(
     }
     let mut found: Vec<TriedLaw> = vec![];
     for proposals in [propose::closed_form, propose::by_steps, propose::as_scale] {
-        for proposal in proposals(&mut trials, &found)? {
-            found.extend(trials.minimised(&proposal, 0)?.filter(|tried| tried.passes(bounds::PROMISING)));
+        for proposal in proposals(&mut trials)? {
+            found.extend(trials.minimised(&proposal)?.filter(|tried| tried.passes(bounds::PROMISING)));
         }
-        found.sort_by(|a, b| a.excess().total_cmp(&b.excess()));
+        found.sort_by(|a, b| a.share_left().total_cmp(&b.share_left()));
         if found
             .first()
             .is_some_and(|best| !(best.law.has_rivals)(&best.numbers) && best.passes(EvidenceGate::SEARCHED))
@@ -188,12 +284,10 @@ fn searched(
         return Ok(None);
     }
     let mut finalists = vec![];
-    let near = bounds::RIVAL * first.excess();
-    for of in found.iter().take(bounds::FINALISTS).filter(|of| of.excess() <= near) {
-        // What the network sees once it is undone.
-        let proposal = Proposal { law: of.law, starts: vec![of.numbers.clone()], is_far: true };
-        finalists.extend(trials.minimised(&proposal, 1)?);
+    let near = bounds::RIVAL * first.share_left();
+    for of in found.iter().take(bounds::FINALISTS).filter(|of| of.share_left() <= near) {
+        finalists.extend(trials.whole(of)?);
     }
     finalists.retain(|tried| tried.passes(EvidenceGate::DOUBT));
-    Ok(finalists.into_iter().min_by(|a, b| a.excess().total_cmp(&b.excess())))
+    Ok(finalists.into_iter().min_by(|a, b| a.share_left().total_cmp(&b.share_left())))
 }

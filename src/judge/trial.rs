@@ -3,6 +3,8 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
+use glam::{DVec2, DVec3};
+
 use super::constants::{ITERATIONS, LATERAL, LEAST_PAIRS, PAIRS, ROUNDS};
 use crate::capture::{Capture, Pulse};
 use crate::engine::{Doing, Problem, Progress, TracePoint, Watch};
@@ -13,6 +15,9 @@ use crate::settings::Settings;
 use crate::surface::{Candidate, Fit, Growth, HeldOut, Judge, Quality, Rounds, Run, Starts, SurfaceOptions};
 use crate::transport::{Grid, Reflectance};
 use crate::{Error, Kind, Result};
+
+/// Cells of the wall on a side that are told apart where delays move a surface.
+const CELLS: usize = 16;
 
 /// Options of a short fit with this number of lateral pixels.
 pub(super) fn quick(options: &SolverOptions, pixels: usize) -> SurfaceOptions {
@@ -60,6 +65,8 @@ pub(crate) struct Trial<'c> {
     grid: Grid,
     options: SurfaceOptions,
     starts: Arc<Starts>,
+    /// Delays of pairs that the starts are without.
+    delays: Vec<f64>,
     memory: Option<u64>,
 }
 
@@ -68,6 +75,62 @@ pub(crate) struct Trial<'c> {
 pub(crate) struct FitBegin {
     pub grid: Grid,
     pub starts: Arc<Starts>,
+    /// Delays of pairs that were undone, metres of path; empty: none.
+    pub delays: Vec<f64>,
+}
+
+impl FitBegin {
+    /// What it is of a capture in which these delays of pairs are undone. `of`: where a pair is. By half of a delay a depth changes; where
+    /// the delay has a slope, light came from aside, by half of the slope times the depth.
+    pub fn moved(&self, delays: &[f64], of: impl Fn(usize) -> DVec3) -> FitBegin {
+        let count = delays.len().max(self.delays.len());
+        let at = |delays: &[f64], pair: usize| delays.get(pair).copied().unwrap_or(0.0);
+        let by: Vec<f64> = (0..count).map(|pair| at(delays, pair) - at(&self.delays, pair)).collect();
+        if by.iter().all(|by| *by == 0.0) {
+            return self.clone();
+        }
+        let mut starts = Starts::clone(&self.starts);
+        for maps in &mut starts.layers {
+            let [x0, x1, y0, y1] = maps.extent;
+            let nearest = |cell: usize| {
+                let [u, v] = [cell / CELLS, cell % CELLS].map(|i| (i as f64 + 0.5) / CELLS as f64);
+                let place = DVec2::new(x0 + u * (x1 - x0), y0 + v * (y1 - y0));
+                let far = |pair: &usize| of(*pair).truncate().distance_squared(place);
+                (0..count).min_by(|a, b| far(a).total_cmp(&far(b))).map_or(0.0, |pair| by[pair])
+            };
+            let cells: Vec<f64> = (0..CELLS * CELLS).map(nearest).collect();
+            let finite = || maps.depth.iter().filter(|z| z.is_finite()).map(|z| f64::from(*z));
+            let middle = finite().sum::<f64>() / finite().count().max(1) as f64;
+            let cell = |ix: usize, iy: usize| ix * CELLS / maps.nx * CELLS + iy * CELLS / maps.ny;
+            let last = CELLS - 1;
+            // Half of the slope of delays, per cell; cells are as wide as pixels times these.
+            let slope = |at: usize| {
+                let [i, k] = [at / CELLS, at % CELLS];
+                let x = cells[(i + 1).min(last) * CELLS + k] - cells[i.saturating_sub(1) * CELLS + k];
+                let y = cells[i * CELLS + (k + 1).min(last)] - cells[i * CELLS + k.saturating_sub(1)];
+                let wide = |i: usize| ((i + 1).min(last) - i.saturating_sub(1)) as f64 / CELLS as f64;
+                [0.5 * x / (wide(i) * (x1 - x0)), 0.5 * y / (wide(k) * (y1 - y0))]
+            };
+            let pitch = [(x1 - x0) / maps.nx as f64, (y1 - y0) / maps.ny as f64];
+            let given = maps.clone();
+            for ix in 0..maps.nx {
+                for iy in 0..maps.ny {
+                    let [gx, gy] = slope(cell(ix, iy));
+                    let from = |i: usize, g: f64, pitch: f64, n: usize| {
+                        (i as f64 - (middle * g / pitch).round()).clamp(0.0, n as f64 - 1.0) as usize
+                    };
+                    let [fx, fy] = [from(ix, gx, pitch[0], maps.nx), from(iy, gy, pitch[1], maps.ny)];
+                    let [to, at] = [ix * maps.ny + iy, fx * maps.ny + fy];
+                    maps.albedo[to] = given.albedo[at];
+                    maps.depth[to] = given.depth[at] - 0.5 * cells[cell(fx, fy)] as f32;
+                    if !given.mask.is_empty() {
+                        maps.mask[to] = given.mask[at];
+                    }
+                }
+            }
+        }
+        FitBegin { starts: Arc::new(starts), delays: delays.to_vec(), ..self.clone() }
+    }
 }
 
 /// What a fit begins with.
@@ -217,7 +280,7 @@ impl<'c> Trial<'c> {
         starts: Arc<Starts>,
         memory: Option<u64>,
     ) -> Trial<'c> {
-        Trial { gpu: gpu.clone(), capture, grid, options, starts, memory }
+        Trial { gpu: gpu.clone(), capture, grid, options, starts, delays: vec![], memory }
     }
 
     /// The model of reflectance.
@@ -231,12 +294,12 @@ impl<'c> Trial<'c> {
     }
 
     pub fn begun_with(&self) -> FitBegin {
-        FitBegin { grid: self.grid, starts: self.starts.clone() }
+        FitBegin { grid: self.grid, starts: self.starts.clone(), delays: self.delays.clone() }
     }
 
     /// Later fits begin so.
-    pub fn begin_with(&mut self, FitBegin { grid, starts }: &FitBegin) {
-        (self.grid, self.starts) = (*grid, starts.clone());
+    pub fn begin_with(&mut self, FitBegin { grid, starts, delays }: &FitBegin) {
+        (self.grid, self.starts, self.delays) = (*grid, starts.clone(), delays.clone());
     }
 
     /// Gives the fits, and what judges them, a high-pass of this length (metres of path) and floor.

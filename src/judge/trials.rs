@@ -40,9 +40,9 @@ pub struct TriedLaw {
 }
 
 impl TriedLaw {
-    /// What is left once it is undone.
-    pub fn excess(&self) -> f64 {
-        self.left[0].excess()
+    /// What is left once it is undone, over what is left as the capture is, of the same pairs.
+    pub fn share_left(&self) -> f64 {
+        self.left[0].excess() / self.left[1].excess().max(f64::MIN_POSITIVE)
     }
 
     pub fn passes(&self, gate: EvidenceGate) -> bool {
@@ -71,6 +71,8 @@ pub struct Trials<'j> {
     pub from: From<'static>,
     /// All trials so far: a minimiser comes back to the same numbers.
     pub tried: Vec<TriedLaw>,
+    /// Whether a step of a law that others resemble leaves less.
+    pub is_scaled: bool,
     /// Fits so far.
     done: usize,
 }
@@ -105,6 +107,7 @@ impl<'j> Trials<'j> {
             hear,
             from: From::Brief,
             tried: vec![],
+            is_scaled: false,
             done: 0,
         }))
     }
@@ -134,21 +137,22 @@ impl<'j> Trials<'j> {
         (self.job, self.gpu)
     }
 
-    /// What is left as the capture is.
-    pub fn before(&self) -> f64 {
-        self.base.held.left().excess()
-    }
-
-    /// What a fit leaves once these numbers of a law are undone; `None` without a surface.
+    /// What a fit leaves once these numbers of a law are undone, which begins with the surface at hand, moved by its delays; `None` without a
+    /// surface.
     pub fn judged(&mut self, law: &'static Law, numbers: &[f64]) -> Result<Option<TriedLaw>> {
         if let Some(same) = self.tried.iter().find(|of| of.law.name == law.name && of.numbers == numbers) {
             return Ok(Some(same.clone()));
         }
-        let undone = self.trial.with_capture(law.undone(self.trial.capture(), &self.scan, numbers));
+        let begin = self.trial.begun_with();
+        let mut undone = self.trial.with_capture(law.undone(self.trial.capture(), &self.scan, numbers));
+        let pairs: Vec<usize> = (0..self.scan.laser.len()).collect();
+        let delays = law.effect(&self.scan, numbers, &pairs).delays;
+        undone
+            .begin_with(&begin.moved(&delays, |pair| self.scan.laser[pair].midpoint(self.scan.sensor[pair])));
         let Some(fitted) = self.fits(&[undone], self.from, 1.0)?.pop().flatten() else { return Ok(None) };
         let gains = (law.proposed == Proposed::ByProducts).then(|| law.gains(&self.scan, numbers));
         let left = both(&fitted.held, &self.base.held, gains.as_deref());
-        let tried = TriedLaw { law, numbers: numbers.to_vec(), left, fitted, begun: self.trial.begun_with() };
+        let tried = TriedLaw { law, numbers: numbers.to_vec(), left, fitted, begun: begin };
         self.tried.push(tried.clone());
         Ok(Some(tried))
     }
@@ -158,15 +162,19 @@ impl<'j> Trials<'j> {
         let mut best: Option<TriedLaw> = None;
         for start in starts {
             let tried = if *is_far { self.looked_at(law, start)? } else { self.judged(law, start)? };
-            best = best.into_iter().chain(tried).min_by(|a, b| a.excess().total_cmp(&b.excess()));
+            best = best.into_iter().chain(tried).min_by(|a, b| a.share_left().total_cmp(&b.share_left()));
         }
         Ok(best)
     }
 
     /// The same as [`Self::judged`] by a fit that begins with what the network sees once these numbers are undone.
-    fn looked_at(&mut self, law: &'static Law, numbers: &[f64]) -> Result<Option<TriedLaw>> {
+    pub fn looked_at(&mut self, law: &'static Law, numbers: &[f64]) -> Result<Option<TriedLaw>> {
         let undone = self.job.with_capture(Cow::Owned(law.undone(&self.job.capture, &self.scan, numbers)));
-        let begin = estimate::begin_of(&undone, self.gpu, self.hear)?;
+        let pairs: Vec<usize> = (0..self.scan.laser.len()).collect();
+        let begin = FitBegin {
+            delays: law.effect(&self.scan, numbers, &pairs).delays,
+            ..estimate::begin_of(&undone, self.gpu, self.hear)?
+        };
         self.tried.retain(|of| of.law.name != law.name || of.numbers != numbers);
         self.beginning_with(&begin, |trials| trials.judged(law, numbers))
     }

@@ -21,7 +21,7 @@ use thirdbounce::{Gpu, Grade, Settings, Verdict, prepare, reconstruct};
 /// Pixels of the maps.
 const LATERAL: usize = 64;
 /// A capture that loses no more of the proper one's IoU is as good.
-const ALIKE: f64 = 0.06;
+pub const ALIKE: f64 = 0.06;
 
 /// A figure of 200 photons, whole counts.
 fn figure(seed: u64) -> (Scene, RenderOptions) {
@@ -50,11 +50,11 @@ struct Fault {
 }
 
 /// Where a point is on the wall of a metre, from -1 to 1.
-fn on_wall(point: DVec3) -> [f64; 2] {
+pub fn on_wall(point: DVec3) -> [f64; 2] {
     [2.0 * point.x, 2.0 * point.y]
 }
 
-fn placed(c: &Capture, of: fn([f64; 2]) -> [f64; 2]) -> Capture {
+pub fn placed(c: &Capture, of: fn([f64; 2]) -> [f64; 2]) -> Capture {
     changed(c, |c| {
         for point in c.laser.iter_mut().chain(&mut c.sensor) {
             let [x, y] = of(on_wall(*point));
@@ -72,7 +72,7 @@ fn part(count: f32, share: f64, is_whole: bool, random: &mut Pcg64) -> f32 {
 }
 
 /// Counts times a gain of every pair, at most 1: photons are lost by chance.
-fn weighed(c: &Capture, seed: u64, gain: impl Fn(usize) -> f64) -> Capture {
+pub fn weighed(c: &Capture, seed: u64, gain: impl Fn(usize) -> f64) -> Capture {
     let gains: Vec<f64> = (0..c.pair_count()).map(gain).collect();
     let most = gains.iter().fold(0.0f64, |a, b| a.max(*b));
     let mut random = Pcg64::seed_from_u64(seed);
@@ -84,7 +84,7 @@ fn weighed(c: &Capture, seed: u64, gain: impl Fn(usize) -> f64) -> Capture {
 }
 
 /// Counts late by metres of path of every pair, to whole bins: a photon takes one of the two bins by chance.
-fn delayed(c: &Capture, seed: u64, delay: impl Fn(usize) -> f64) -> Capture {
+pub fn delayed(c: &Capture, seed: u64, delay: impl Fn(usize) -> f64) -> Capture {
     let mut random = Pcg64::seed_from_u64(seed);
     changed(c, |c| {
         let bins = c.bins;
@@ -108,7 +108,7 @@ fn delayed(c: &Capture, seed: u64, delay: impl Fn(usize) -> f64) -> Capture {
 }
 
 /// Histograms with echoes: shares of the light that come later by some metres.
-fn echoed(c: &Capture, seed: u64, echoes: &[(f64, f64)]) -> Capture {
+pub fn echoed(c: &Capture, seed: u64, echoes: &[(f64, f64)]) -> Capture {
     let all: f64 = 1.0 + echoes.iter().map(|(share, _)| share).sum::<f64>();
     let mut sum = changed(c, |c| c.histograms.fill(0.0));
     for (k, (share, later)) in [(1.0, 0.0)].into_iter().chain(echoes.iter().copied()).enumerate() {
@@ -140,7 +140,7 @@ fn falls(device: DVec3) -> impl Fn(DVec3) -> f64 {
 }
 
 /// Of a pair, its column and row.
-fn line(c: &Capture, pair: usize) -> [usize; 2] {
+pub fn line(c: &Capture, pair: usize) -> [usize; 2] {
     [pair / c.scan[1], pair % c.scan[1]]
 }
 
@@ -337,7 +337,7 @@ const FAULTS: &[Fault] = &[
 ];
 
 /// IoU and verdict of a capture by the default, as a file: with what readers repair, and with its automatic gate.
-fn solved(gpu: &Gpu, capture: &Capture, truth: &Truth) -> (f64, Verdict) {
+pub fn solved(gpu: &Gpu, capture: &Capture, truth: &Truth) -> (f64, Verdict) {
     solved_with(gpu, capture, truth, "auto")
 }
 
@@ -470,12 +470,15 @@ fn faults_of_the_instrument_are_undone_or_named() {
         FAULTS.iter().filter(is_asked).for_each(|fault| println!("{}", Row::of(&gpu, fault, seed).line()));
         return;
     }
-    let rows: Vec<Row> = FAULTS.iter().map(|fault| Row::of(&gpu, fault, seed)).collect();
+    let rows: Vec<Row> = FAULTS
+        .iter()
+        .map(|fault| Row::of(&gpu, fault, seed))
+        .inspect(|row| println!("{}", row.line()))
+        .collect();
     let mut table =
         "fault\tIoU of the proper capture\tIoU\ttimes the seconds\tverdict\tnamed\theld\tfirst reason\n"
             .to_owned();
     for row in &rows {
-        println!("{}", row.line());
         writeln!(table, "{}", row.line()).unwrap();
     }
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/results/instrument.tsv");

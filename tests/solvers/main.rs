@@ -21,3 +21,4 @@ mod session;
 mod surface;
 mod taken_off;
 mod traffic;
+mod unmirrored;

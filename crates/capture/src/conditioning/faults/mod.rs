@@ -6,6 +6,7 @@ mod ends;
 mod enlarged;
 mod lines;
 mod multiples;
+mod order;
 mod repeated;
 mod reversed;
 mod single_bins;
@@ -63,7 +64,9 @@ pub(super) fn undo(capture: &mut Capture, mean: &mut MeanOnce) -> Result<Found> 
     let is_scan =
         matches!(capture.pair_kind(), PairKind::Confocal | PairKind::OneLaser | PairKind::OneSensor);
     if is_scan {
-        let moved: Vec<String> = capture.turn_lines().into_iter().chain(capture.undo_reversal()).collect();
+        let mut moved: Vec<String> = capture.turn_lines().into_iter().collect();
+        moved.extend(capture.undo_order());
+        moved.extend(capture.undo_reversal());
         found.has_moved |= !moved.is_empty();
         found.notes.extend(moved);
     }

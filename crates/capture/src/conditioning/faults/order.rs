@@ -1,0 +1,381 @@
+//! Histograms that belong to other points of the scan: lost or additional triggers, exchanged lines, a turned quadrant.
+//!
+//! Neighbours alone decide: histograms of a right order change steadily over the wall, whatever the scene. Where an order leaves less of
+//! the differences at the places that it changes, beyond chance, it is the right one.
+
+use rayon::prelude::*;
+
+use crate::data::Capture;
+
+/// Fewer lines, or points of a line, prove nothing.
+const LEAST: usize = 8;
+/// Minimum gain of an order over its standard error, and over the squared differences at the places that it changes. Largest of 25 proper
+/// captures: triggers 3.2 and .22, lines 3.0 and .05, quadrants below 0. Faults with 200 photons (figure, letter) have at least 4.4 and .16,
+/// 4.7 and .26, 6.7 and .83 (`benches/NOTES.md`).
+const TRIGGERS: [f64; 2] = [4.0, 0.15];
+const LINES: [f64; 2] = [3.5, 0.15];
+const QUADRANT: [f64; 2] = [4.0, 0.05];
+/// Lines farther apart are not compared: the memory of the comparison.
+const MAX_APART: usize = 32;
+/// Histograms are compared in this many bins at most.
+const COMPARED_BINS: usize = 64;
+
+/// The gain of an order: its sum, squares and what there was before.
+#[derive(Clone, Copy, Default)]
+struct Gain([f64; 3]);
+
+impl Gain {
+    fn of(each: impl Iterator<Item = [f64; 2]>) -> Gain {
+        each.fold(Gain::default(), |Gain(sum), [before, after]| {
+            let gain = before - after;
+            Gain([sum[0] + gain, sum[1] + gain * gain, sum[2] + before])
+        })
+    }
+
+    /// Gain in standard errors, if it reaches both thresholds.
+    fn beyond(&self, [errors, share]: [f64; 2]) -> Option<f64> {
+        let [gain, squares, before] = self.0;
+        let in_errors = gain / squares.sqrt().max(f64::MIN_POSITIVE);
+        (in_errors > errors && gain > share * before).then_some(in_errors)
+    }
+}
+
+/// Square roots of histograms in few bins: of photons, all have the same noise.
+struct Rows {
+    rows: Vec<Vec<f64>>,
+}
+
+impl Rows {
+    /// |before − 2 middle + after|².
+    fn bend(&self, [before, middle, after]: [usize; 3]) -> f64 {
+        let [a, b, c] = [before, middle, after].map(|pair| &self.rows[pair]);
+        a.iter().zip(b).zip(c).map(|((a, b), c)| (a - 2.0 * b + c).powi(2)).sum()
+    }
+
+    fn difference(&self, a: usize, b: usize) -> f64 {
+        self.rows[a].iter().zip(&self.rows[b]).map(|(a, b)| (a - b).powi(2)).sum()
+    }
+}
+
+impl Capture {
+    /// Gives histograms to the points at which their neighbours show that they were measured. Returns notes.
+    pub(super) fn undo_order(&mut self) -> Vec<String> {
+        let mut notes = vec![];
+        let [nx, ny] = self.scan;
+        let is_lattice = nx >= LEAST && ny >= LEAST;
+        if is_lattice {
+            notes.extend(self.turn_quadrant());
+            notes.extend([true, false].into_iter().filter_map(|along_y| self.exchange_lines(along_y)));
+        }
+        if self.integer_counts && notes.is_empty() {
+            let pairs = self.pair_count();
+            let line = if is_lattice { ny } else { self.line_length() };
+            let stream: Vec<usize> = (0..pairs).collect();
+            let note = self.move_triggers(&stream, line).or_else(|| {
+                let across: Vec<usize> = (0..pairs).map(|p| p % nx * ny + p / nx).collect();
+                is_lattice.then(|| self.move_triggers(&across, nx)).flatten()
+            });
+            notes.extend(note);
+        }
+        notes
+    }
+
+    fn few_bins(&self) -> Rows {
+        let width = self.bins.div_ceil(COMPARED_BINS);
+        let root = |run: &[f32]| (run.iter().map(|v| f64::from(*v)).sum::<f64>().max(0.0) + 0.375).sqrt();
+        Rows { rows: self.of_rows(|row| row.chunks(width).map(root).collect()) }
+    }
+
+    /// Points of the first line of a list of points, line behind line: those beside each other in one direction.
+    fn line_length(&self) -> usize {
+        let points = self.scanned_points();
+        let step = (points[1] - points[0]).normalize_or_zero();
+        let is_along =
+            |pair: &usize| (points[*pair] - points[*pair - 1]).normalize_or_zero().dot(step) > 0.99;
+        1 + (1..points.len()).take_while(is_along).count()
+    }
+
+    fn reorder(&mut self, order: &[usize]) {
+        self.histograms = order.iter().flat_map(|pair| self.histogram(*pair)).copied().collect();
+    }
+
+    /// Turns a quadrant back whose light goes on across its borders only if it is turned or mirrored.
+    fn turn_quadrant(&mut self) -> Option<String> {
+        let [nx, ny] = self.scan;
+        let [hx, hy] = [nx / 2, ny / 2];
+        if nx % 2 + ny % 2 > 0 {
+            return None;
+        }
+        let rows = self.few_bins();
+        // Three points across a border between quadrants.
+        let across = || {
+            let x = (0..ny).flat_map(|iy| [hx - 1, hx].map(|ix| [ix - 1, ix, ix + 1].map(|ix| ix * ny + iy)));
+            x.chain((0..nx).flat_map(|ix| [hy - 1, hy].map(|iy| [iy - 1, iy, iy + 1].map(|iy| ix * ny + iy))))
+        };
+        let words = [("turned by 180 degrees", [true, true]), ("mirrored along x", [true, false])];
+        let words = words.into_iter().chain([("mirrored along y", [false, true])]);
+        let all = words.flat_map(|(word, flips)| (0..4).map(move |q| (word, flips, [q / 2, q % 2])));
+        let tried = all.filter_map(|(word, [fx, fy], [qx, qy])| {
+            let from = |pair: usize| {
+                let [ix, iy] = [pair / ny, pair % ny];
+                if [ix / hx, iy / hy] != [qx, qy] {
+                    return pair;
+                }
+                let flip =
+                    |flips: bool, i: usize, h: usize| if flips { i / h * h + h - 1 - i % h } else { i };
+                flip(fx, ix, hx) * ny + flip(fy, iy, hy)
+            };
+            let gain = Gain::of(across().map(|three| [rows.bend(three), rows.bend(three.map(from))]));
+            let order: Vec<usize> = (0..nx * ny).map(from).collect();
+            Some((gain.beyond(QUADRANT)?, word, [qx, qy], order))
+        });
+        let (_, word, [qx, qy], order) = tried.max_by(|a, b| a.0.total_cmp(&b.0))?;
+        self.reorder(&order);
+        let [x, y] = [["lower", "upper"][qx], ["lower", "upper"][qy]];
+        Some(format!(
+            "the quarter of the scan with the {x} columns and the {y} rows is stored {word}, as the points beside it show: it is turned \
+             back (export the tiles of the scan in one direction)"
+        ))
+    }
+
+    /// Exchanges pairs of lines that lie at each other's place.
+    fn exchange_lines(&mut self, along_y: bool) -> Option<String> {
+        let [nx, ny] = self.scan;
+        let (lines, points) = if along_y { (nx, ny) } else { (ny, nx) };
+        let pair = |line: usize, at: usize| if along_y { line * ny + at } else { at * ny + line };
+        let rows = self.few_bins();
+        let apart = |a: usize, b: usize| -> Vec<f64> {
+            (0..points).map(|at| rows.difference(pair(a, at), pair(b, at))).collect()
+        };
+        let apart: Vec<Vec<Vec<f64>>> = (0..lines)
+            .into_par_iter()
+            .map(|a| (a + 1..lines.min(a + 2 + MAX_APART)).map(|b| apart(a, b)).collect())
+            .collect();
+        let between = |a: usize, b: usize| apart[a.min(b)].get(a.abs_diff(b) - 1);
+        let mut order: Vec<usize> = (0..lines).collect();
+        let mut exchanged = vec![];
+        while exchanged.len() < lines {
+            let gain = |i: usize, j: usize| {
+                let other = |at: usize| {
+                    order[if at == i {
+                        j
+                    } else if at == j {
+                        i
+                    } else {
+                        at
+                    }]
+                };
+                let steps = [i.checked_sub(1), Some(i), Some(j - 1), Some(j)].into_iter().flatten();
+                let mut steps: Vec<usize> = steps.filter(|at| at + 1 < lines).collect();
+                steps.dedup();
+                let each: Option<Vec<_>> = (steps.iter())
+                    .map(|at| between(order[*at], order[at + 1]).zip(between(other(*at), other(at + 1))))
+                    .collect();
+                let sum = |lists: [&Vec<f64>; 2], at: usize| lists.map(|list| list[at]);
+                let each = each?;
+                let of = |at: usize| {
+                    each.iter()
+                        .map(|(a, b)| sum([a, b], at))
+                        .fold([0.0; 2], |s, e| [s[0] + e[0], s[1] + e[1]])
+                };
+                Some((Gain::of((0..points).map(of)).beyond(LINES)?, i, j))
+            };
+            let all = (0..lines).flat_map(|i| (i + 1..lines.min(i + MAX_APART)).map(move |j| (i, j)));
+            let Some((_, i, j)) = all.filter_map(|(i, j)| gain(i, j)).max_by(|a, b| a.0.total_cmp(&b.0))
+            else {
+                break;
+            };
+            order.swap(i, j);
+            exchanged.push(format!("{i} and {j}"));
+        }
+        if exchanged.is_empty() {
+            return None;
+        }
+        let mut from: Vec<usize> = (0..lines * points).collect();
+        (0..lines).for_each(|line| (0..points).for_each(|at| from[pair(line, at)] = pair(order[line], at)));
+        self.reorder(&from);
+        Some(format!(
+            "{} {} of the scan (from 0) are exchanged, as the lines beside them show: they are put in order",
+            if along_y { "columns" } else { "rows" },
+            exchanged.join(", ")
+        ))
+    }
+
+    /// Moves histograms behind lost or additional triggers to their points. `stream`: the pairs in the order of the scanner, in lines of
+    /// `line` points. Points without a histogram get the mean of their neighbours.
+    fn move_triggers(&mut self, stream: &[usize], line: usize) -> Option<String> {
+        let count = stream.len();
+        if line < LEAST || count < LEAST * line {
+            return None;
+        }
+        let rows = self.few_bins();
+        let mut from: Vec<Option<usize>> = stream.iter().copied().map(Some).collect();
+        let (mut lost, mut found) = (vec![], vec![]);
+        while lost.len() + found.len() < count / LEAST
+            && let Some((at, is_lost)) = next_trigger(&rows, &from, line)
+        {
+            if is_lost {
+                from.insert(at, None);
+                from.pop();
+                lost.push(at);
+            } else {
+                from.remove(at);
+                from.push(None);
+                found.push(at);
+            }
+        }
+        if lost.is_empty() && found.is_empty() {
+            return None;
+        }
+        let mut moved: Vec<Option<Vec<f32>>> =
+            from.iter().map(|pair| pair.map(|pair| self.histogram(pair).to_vec())).collect();
+        while let Some(at) = moved.iter().position(Option::is_none) {
+            let beside =
+                [at.checked_sub(line), (at % line > 0).then(|| at - 1), Some(at + 1), Some(at + line)];
+            let beside = beside.into_iter().flatten();
+            let beside: Vec<&Vec<f32>> = beside.filter_map(|at| moved.get(at)?.as_ref()).collect();
+            let mean =
+                |bin: usize| beside.iter().map(|row| row[bin]).sum::<f32>() / beside.len().max(1) as f32;
+            moved[at] = Some((0..self.bins).map(|bin| mean(bin).round()).collect());
+        }
+        for (pair, row) in stream.iter().zip(moved.into_iter().flatten()) {
+            self.histograms[pair * self.bins..][..self.bins].copy_from_slice(&row);
+        }
+        let of = |word: &str, mut at: Vec<usize>| {
+            at.sort_unstable();
+            let at: Vec<String> = at.iter().map(usize::to_string).collect();
+            (!at.is_empty()).then(|| format!("{} {word} (at the points {})", at.len(), at.join(", ")))
+        };
+        let all: Vec<String> = of("lost", lost).into_iter().chain(of("too many", found)).collect();
+        Some(format!(
+            "triggers of the scanner: {}, as the lines beside them show: the histograms behind them are moved to their points, and points \
+             without one get the mean of their neighbours (about; check the trigger's level and the dead time of its input)",
+            all.join(" and ")
+        ))
+    }
+}
+
+/// The place of a lost or additional trigger that explains most, and whether it is lost. Before and behind it the lines agree.
+fn next_trigger(rows: &Rows, from: &[Option<usize>], line: usize) -> Option<(usize, bool)> {
+    let count = from.len();
+    let three = |at: [Option<usize>; 3]| -> Option<[usize; 3]> {
+        let pair = |at: Option<usize>| *from.get(at?)?;
+        Some([pair(at[0])?, pair(at[1])?, pair(at[2])?])
+    };
+    let bend = |at| three(at).map(|three| rows.bend(three));
+    let candidates = [true, false].into_par_iter().filter_map(|is_lost| {
+        let later = |at: usize| if is_lost { at.checked_sub(1) } else { Some(at + 1) };
+        // Where the point above alone, or the point itself, too, is before the trigger.
+        let each: Vec<[[f64; 2]; 2]> = (0..count)
+            .into_par_iter()
+            .map(|at| {
+                let (above, below) = (at.checked_sub(line), later(at + line));
+                let before = bend([above, Some(at), Some(at + line)]);
+                let gain = |middle| match (before, bend([above, middle, below])) {
+                    (Some(before), Some(after)) => [before, after],
+                    _ => [0.0; 2],
+                };
+                [gain(later(at)), gain(Some(at))]
+            })
+            .collect();
+        let place = |at: usize| {
+            let behind = (at..at + line).map(|p| each[p][0]);
+            let gain = Gain::of(behind.chain((at - line..at).map(|p| each[p][1])));
+            Some((gain.beyond(TRIGGERS)?, gain.0[0], at))
+        };
+        let best = (line..count - line).filter_map(place).max_by(|a, b| a.1.total_cmp(&b.1))?;
+        Some((best.1, best.2, is_lost))
+    });
+    candidates.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, at, is_lost)| (at, is_lost))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::dvec3;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, Poisson};
+    use rand_pcg::Pcg64;
+
+    use super::super::tests::{SIDE, noisy};
+    use super::*;
+
+    fn stored(proper: &Capture, from: impl Fn(usize) -> usize) -> Capture {
+        let order: Vec<usize> = (0..proper.pair_count()).map(from).collect();
+        let mut stored = proper.clone();
+        stored.reorder(&order);
+        stored
+    }
+
+    #[test]
+    fn a_proper_order_stays() {
+        let mut capture = noisy();
+        assert_eq!(capture.undo_order(), Vec::<String>::new());
+        assert_eq!(capture, noisy());
+    }
+
+    #[test]
+    fn exchanged_lines_and_a_turned_quadrant_are_put_in_order() {
+        let proper = noisy();
+        let exchange = |line: usize| if [3, 8].contains(&line) { 11 - line } else { line };
+        let flip = |i: usize| SIDE / 2 - 1 - i;
+        let is_first = |p: usize| p / SIDE < SIDE / 2 && p % SIDE < SIDE / 2;
+        let cases: [(&str, Capture); 4] = [
+            ("columns 3 and 8", stored(&proper, |p| exchange(p / SIDE) * SIDE + p % SIDE)),
+            ("rows 3 and 8", stored(&proper, |p| p / SIDE * SIDE + exchange(p % SIDE))),
+            (
+                "180 degrees",
+                stored(&proper, |p| if is_first(p) { flip(p / SIDE) * SIDE + flip(p % SIDE) } else { p }),
+            ),
+            ("along y", stored(&proper, |p| if is_first(p) { p / SIDE * SIDE + flip(p % SIDE) } else { p })),
+        ];
+        for (words, mut capture) in cases {
+            let notes = capture.undo_order();
+            assert!(notes.len() == 1 && notes[0].contains(words), "{words}: {notes:?}");
+            assert!(capture == proper, "{words}");
+        }
+    }
+
+    /// Photons of two things before a wall of 32 x 32 points.
+    fn extended() -> Capture {
+        let mut random = Pcg64::seed_from_u64(11);
+        let [side, bins] = [2 * SIDE, 64];
+        let points: Vec<_> = (0..side * side)
+            .map(|p| dvec3(0.02 * (p / side) as f64, 0.02 * (p % side) as f64, 0.0))
+            .collect();
+        let count = |pair: usize, bin: usize, random: &mut Pcg64| {
+            let thing = |x: f64, y: f64| {
+                let far = (x - (pair / side) as f64).powi(2) + (y - (pair % side) as f64).powi(2);
+                (-(bin as f64 - 2.0 * (64.0 + far).sqrt() + 8.0).powi(2) / 8.0).exp()
+            };
+            let mean = 300.0 * (thing(7.0, 5.0) + thing(21.0, 26.0)) + 0.7;
+            Poisson::new(mean).unwrap().sample(random) as f32
+        };
+        let all = (0..side * side).flat_map(|pair| (0..bins).map(move |bin| (pair, bin)));
+        let counts = all.map(|(pair, bin)| count(pair, bin, &mut random)).collect();
+        let capture = Capture::new([side, side], points.clone(), points, bins, 0.01, counts);
+        Capture { integer_counts: true, ..capture }
+    }
+
+    /// Pairs that differ from those of the proper capture.
+    fn unlike(capture: &Capture, proper: &Capture) -> Vec<usize> {
+        (0..proper.pair_count()).filter(|p| capture.histogram(*p) != proper.histogram(*p)).collect()
+    }
+
+    #[test]
+    fn lost_and_additional_triggers_are_found() {
+        let proper = extended();
+        assert_eq!(proper.clone().undo_order(), Vec::<String>::new());
+        let last = proper.pair_count() - 1;
+        // The point at which a trigger is found may be one or two off: histograms beside each other are alike.
+        let lost = stored(&proper, |p| if p < 270 { p } else { (p + 1).min(last) });
+        let many = stored(&proper, |p| if p <= 750 { p } else { p - 1 });
+        let both = stored(&proper, |p| if (270..750).contains(&p) { p + 1 } else { p });
+        for (words, mut capture) in [("1 lost", lost), ("1 too many", many), ("1 lost", both)] {
+            assert!(unlike(&capture, &proper).len() > 200);
+            let notes = capture.undo_order();
+            assert!(notes.len() == 1 && notes[0].contains(words), "{words}: {notes:?}");
+            let unlike = unlike(&capture, &proper);
+            assert!(unlike.len() < 30, "{words}: {unlike:?} {notes:?}");
+        }
+    }
+}
