@@ -18,7 +18,7 @@ import tempfile
 import time
 
 # Known objects: options of simulate for a seed.
-OBJECTS = ("figure", "sphere", "torus", "letter-R", "letter-S", "two-planes")
+OBJECTS = ("figure", "sphere", "torus", "letter-R", "letter-S", "spheres")
 LIGHT = ((32, 200), (32, 20), (16, 1000), (64, 50), (32, 2))
 FALL, ERRORS = 0.01, 2
 

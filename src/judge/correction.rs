@@ -44,6 +44,9 @@ impl WallFrame {
     }
 }
 
+/// Product of the principal variances of points over the square of their sum, below which they are a line: a tenth as wide as long.
+const FLAT: f64 = 0.01;
+
 /// What laws need to know of a capture.
 #[derive(Debug, Clone)]
 pub struct LawScan {
@@ -70,6 +73,18 @@ impl LawScan {
             frame: WallFrame::of(&all),
             is_confocal: capture.is_nearly_confocal(),
         }
+    }
+
+    /// Whether the middles of pairs fill an area: on a line, laws of places and devices are free.
+    pub fn fills_area(&self) -> bool {
+        let all: Vec<DVec2> = (0..self.laser.len()).map(|pair| self.middle_of(pair)).collect();
+        let mean = all.iter().sum::<DVec2>() / all.len().max(1) as f64;
+        let [xx, xy, yy] = all
+            .iter()
+            .map(|p| *p - mean)
+            .fold([0.0; 3], |[xx, xy, yy], p| [xx + p.x * p.x, xy + p.x * p.y, yy + p.y * p.y]);
+        // Both principal variances from their product and sum.
+        xx * yy - xy * xy > FLAT * (xx + yy).powi(2)
     }
 
     pub fn middle_of(&self, pair: usize) -> DVec2 {
@@ -785,6 +800,16 @@ mod tests {
                 assert_eq!(undone.histogram(pair)[peak], 100.0, "{name} {pair}");
             }
         }
+    }
+
+    #[test]
+    fn points_on_a_line_fill_no_area() {
+        let square = capture();
+        assert!(LawScan::of(&square).fills_area());
+        let mut line = square.clone();
+        line.laser.iter_mut().for_each(|p| p.y = 0.5 * p.x + 0.02 * p.y);
+        line.sensor = line.laser.clone();
+        assert!(!LawScan::of(&line).fills_area());
     }
 
     #[test]

@@ -13,6 +13,8 @@ pub fn grade(job: &Job<'_>, result: &mut Reconstruction) {
     // The last word counts, not the first one.
     if let Some(iou) = result.evidence.as_ref().map(|evidence| evidence.expected_iou) {
         let verdict = Arc::make_mut(&mut verdict);
+        // What light no surface explains, no pixel is right by.
+        let iou = verdict.left.map_or(iou, |[share, _]| iou.min((1.0 - share).max(0.0)));
         let before = verdict.expected_iou.replace(iou);
         if iou < OF_RESULT && before.is_none_or(|before| before >= EXPECTED_IOU) {
             verdict

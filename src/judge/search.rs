@@ -260,7 +260,7 @@ fn searched(
         return Ok(None);
     }
     let Some(mut trials) = Trials::new(job, at_hand.starts.clone(), gpu, hear)? else { return Ok(None) };
-    if trials.base.held.left().certain() <= bounds::SUSPICIOUS {
+    if trials.base.held.left().certain() <= bounds::SUSPICIOUS || !trials.scan.fills_area() {
         return Ok(None);
     }
     let mut found: Vec<TriedLaw> = vec![];

@@ -12,6 +12,9 @@ mod bands {
     /// Least share beyond noise, less two standard errors, of results that are fair. Measured scenes with light that no surface sends
     /// leave up to a half and are right.
     pub const FAIR: f64 = 0.25;
+    /// The same without errors taken off: of 43 proper captures one leaves more (.47, IoU .37); captures of wrong points left .35 and .38
+    /// and had an IoU of 0.
+    pub const MOST: f64 = 0.3;
     /// Least share beyond noise, and least standard error of the share, of poor results.
     pub const POOR: f64 = 0.9;
     pub const UNCERTAIN: f64 = 0.2;
@@ -52,7 +55,7 @@ fn judge(verdict: &mut Verdict, left: &Left) {
     let is_uncertain = error > bands::UNCERTAIN;
     let grade = match () {
         () if is_uncertain || share > bands::POOR => Grade::Poor,
-        () if left.certain() > bands::FAIR => Grade::Fair,
+        () if left.certain() > bands::FAIR || share > bands::MOST => Grade::Fair,
         () => return,
     };
     let [share, error] = [share, error].map(|part| 100.0 * part);
@@ -92,6 +95,7 @@ mod tests {
         };
         // The standard error is a tenth of the scatter.
         assert_eq!(graded(0.2, 0.3), (Grade::Good, String::new()));
+        assert_eq!([graded(0.29, 0.6).0, graded(0.31, 0.6).0], [Grade::Good, Grade::Fair]);
         let (grade, reason) = graded(0.5, 0.3);
         assert!(grade == Grade::Fair && reason.contains("50 %"), "{reason}");
         assert_eq!(graded(0.89, 0.3).0, Grade::Fair);

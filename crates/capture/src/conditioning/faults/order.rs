@@ -11,8 +11,8 @@ use crate::data::Capture;
 const LEAST: usize = 8;
 /// Minimum gain of an order over its standard error, and over the squared differences at the places that it changes. Largest of 25 proper
 /// captures: triggers 3.2 and .22, lines 3.0 and .05, quadrants below 0. Faults with 200 photons (figure, letter) have at least 4.4 and .16,
-/// 4.7 and .26, 6.7 and .83 (`benches/NOTES.md`).
-const TRIGGERS: [f64; 2] = [4.0, 0.15];
+/// 4.7 and .26, 6.7 and .83 (`benches/NOTES.md`). Small scenes show a trigger on few points, in a larger share.
+const TRIGGERS: [[f64; 2]; 2] = [[4.0, 0.15], [2.5, 0.5]];
 const LINES: [f64; 2] = [3.5, 0.15];
 const QUADRANT: [f64; 2] = [4.0, 0.05];
 /// Lines farther apart are not compared: the memory of the comparison.
@@ -26,7 +26,8 @@ struct Gain([f64; 3]);
 
 impl Gain {
     fn of(each: impl Iterator<Item = [f64; 2]>) -> Gain {
-        each.fold(Gain::default(), |Gain(sum), [before, after]| {
+        let known = each.filter(|[before, after]| (before - after).is_finite());
+        known.fold(Gain::default(), |Gain(sum), [before, after]| {
             let gain = before - after;
             Gain([sum[0] + gain, sum[1] + gain * gain, sum[2] + before])
         })
@@ -46,13 +47,19 @@ struct Rows {
 }
 
 impl Rows {
-    /// |before − 2 middle + after|².
+    /// |before − 2 middle + after|²; NaN where one of them has no counts, as of a point that was not measured.
     fn bend(&self, [before, middle, after]: [usize; 3]) -> f64 {
         let [a, b, c] = [before, middle, after].map(|pair| &self.rows[pair]);
+        if [a, b, c].into_iter().any(Vec::is_empty) {
+            return f64::NAN;
+        }
         a.iter().zip(b).zip(c).map(|((a, b), c)| (a - 2.0 * b + c).powi(2)).sum()
     }
 
     fn difference(&self, a: usize, b: usize) -> f64 {
+        if self.rows[a].is_empty() || self.rows[b].is_empty() {
+            return f64::NAN;
+        }
         self.rows[a].iter().zip(&self.rows[b]).map(|(a, b)| (a - b).powi(2)).sum()
     }
 }
@@ -83,7 +90,11 @@ impl Capture {
     fn few_bins(&self) -> Rows {
         let width = self.bins.div_ceil(COMPARED_BINS);
         let root = |run: &[f32]| (run.iter().map(|v| f64::from(*v)).sum::<f64>().max(0.0) + 0.375).sqrt();
-        Rows { rows: self.of_rows(|row| row.chunks(width).map(root).collect()) }
+        let few = |row: &[f32]| match row.iter().all(|v| *v == 0.0) {
+            true => vec![],
+            false => row.chunks(width).map(root).collect(),
+        };
+        Rows { rows: self.of_rows(few) }
     }
 
     /// Points of the first line of a list of points, line behind line: those beside each other in one direction.
@@ -211,9 +222,11 @@ impl Capture {
         let rows = self.few_bins();
         let mut from: Vec<Option<usize>> = stream.iter().copied().map(Some).collect();
         let (mut lost, mut found) = (vec![], vec![]);
-        while lost.len() + found.len() < count / LEAST
-            && let Some((at, is_lost)) = next_trigger(&rows, &from, line)
-        {
+        while let Some((at, is_lost)) = next_trigger(&rows, &from, line) {
+            // No scanner loses count several times a line: something else is wrong.
+            if lost.iter().chain(&found).any(|other| at.abs_diff(*other) < line) {
+                return None;
+            }
             if is_lost {
                 from.insert(at, None);
                 from.pop();
@@ -281,7 +294,7 @@ fn next_trigger(rows: &Rows, from: &[Option<usize>], line: usize) -> Option<(usi
         let place = |at: usize| {
             let behind = (at..at + line).map(|p| each[p][0]);
             let gain = Gain::of(behind.chain((at - line..at).map(|p| each[p][1])));
-            Some((gain.beyond(TRIGGERS)?, gain.0[0], at))
+            Some((TRIGGERS.into_iter().find_map(|least| gain.beyond(least))?, gain.0[0], at))
         };
         let best = (line..count - line).filter_map(place).max_by(|a, b| a.1.total_cmp(&b.1))?;
         Some((best.1, best.2, is_lost))
@@ -347,7 +360,7 @@ mod tests {
                 let far = (x - (pair / side) as f64).powi(2) + (y - (pair % side) as f64).powi(2);
                 (-(bin as f64 - 2.0 * (64.0 + far).sqrt() + 8.0).powi(2) / 8.0).exp()
             };
-            let mean = 300.0 * (thing(7.0, 5.0) + thing(21.0, 26.0)) + 0.7;
+            let mean = 300.0 * (thing(7.0, 5.0) + thing(21.0, 6.0)) + 0.7;
             Poisson::new(mean).unwrap().sample(random) as f32
         };
         let all = (0..side * side).flat_map(|pair| (0..bins).map(move |bin| (pair, bin)));
@@ -367,10 +380,9 @@ mod tests {
         assert_eq!(proper.clone().undo_order(), Vec::<String>::new());
         let last = proper.pair_count() - 1;
         // The point at which a trigger is found may be one or two off: histograms beside each other are alike.
-        let lost = stored(&proper, |p| if p < 270 { p } else { (p + 1).min(last) });
-        let many = stored(&proper, |p| if p <= 750 { p } else { p - 1 });
-        let both = stored(&proper, |p| if (270..750).contains(&p) { p + 1 } else { p });
-        for (words, mut capture) in [("1 lost", lost), ("1 too many", many), ("1 lost", both)] {
+        let lost = stored(&proper, |p| if p < 600 { p } else { (p + 1).min(last) });
+        let many = stored(&proper, |p| if p <= 600 { p } else { p - 1 });
+        for (words, mut capture) in [("1 too many", many), ("1 lost", lost)] {
             assert!(unlike(&capture, &proper).len() > 200);
             let notes = capture.undo_order();
             assert!(notes.len() == 1 && notes[0].contains(words), "{words}: {notes:?}");
