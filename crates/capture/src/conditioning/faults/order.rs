@@ -42,11 +42,11 @@ impl Gain {
 }
 
 /// Square roots of histograms in few bins: of photons, all have the same noise.
-struct Rows {
+struct RootRows {
     rows: Vec<Vec<f64>>,
 }
 
-impl Rows {
+impl RootRows {
     /// |before − 2 middle + after|²; NaN where one of them has no counts, as of a point that was not measured.
     fn bend(&self, [before, middle, after]: [usize; 3]) -> f64 {
         let [a, b, c] = [before, middle, after].map(|pair| &self.rows[pair]);
@@ -87,14 +87,14 @@ impl Capture {
         notes
     }
 
-    fn few_bins(&self) -> Rows {
+    fn few_bins(&self) -> RootRows {
         let width = self.bins.div_ceil(COMPARED_BINS);
         let root = |run: &[f32]| (run.iter().map(|v| f64::from(*v)).sum::<f64>().max(0.0) + 0.375).sqrt();
         let few = |row: &[f32]| match row.iter().all(|v| *v == 0.0) {
             true => vec![],
             false => row.chunks(width).map(root).collect(),
         };
-        Rows { rows: self.of_rows(few) }
+        RootRows { rows: self.of_rows(few) }
     }
 
     /// Points of the first line of a list of points, line behind line: those beside each other in one direction.
@@ -269,7 +269,7 @@ impl Capture {
 }
 
 /// The place of a lost or additional trigger that explains most, and whether it is lost. Before and behind it the lines agree.
-fn next_trigger(rows: &Rows, from: &[Option<usize>], line: usize) -> Option<(usize, bool)> {
+fn next_trigger(rows: &RootRows, from: &[Option<usize>], line: usize) -> Option<(usize, bool)> {
     let count = from.len();
     let three = |at: [Option<usize>; 3]| -> Option<[usize; 3]> {
         let pair = |at: Option<usize>| *from.get(at?)?;
