@@ -183,9 +183,9 @@ fn parabola(points: &[[f64; 2]]) -> Option<f64> {
     let sum = |of: &dyn Fn(f64) -> f64| points.iter().map(|[x, y]| of(*x) * y).sum::<f64>();
     let moment = |k: i32| points.iter().map(|[x, _]| x.powi(k)).sum::<f64>();
     let matrix = DMat3::from_cols(
-        [0, 1, 2].map(|k| moment(k)).into(),
-        [1, 2, 3].map(|k| moment(k)).into(),
-        [2, 3, 4].map(|k| moment(k)).into(),
+        [0, 1, 2].map(&moment).into(),
+        [1, 2, 3].map(&moment).into(),
+        [2, 3, 4].map(moment).into(),
     );
     let of = matrix.inverse() * DVec3::new(sum(&|_| 1.0), sum(&|x| x), sum(&|x| x * x));
     (points.len() >= 3 && of.z > 0.0).then(|| -0.5 * of.y / of.z)
