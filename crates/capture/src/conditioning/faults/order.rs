@@ -43,7 +43,7 @@ impl Gain {
 
 /// Square roots of histograms in few bins: of photons, all have the same noise.
 struct RootRows {
-    rows: Vec<Vec<f64>>,
+    rows: Vec<Vec<f32>>,
 }
 
 impl RootRows {
@@ -53,14 +53,14 @@ impl RootRows {
         if [a, b, c].into_iter().any(Vec::is_empty) {
             return f64::NAN;
         }
-        a.iter().zip(b).zip(c).map(|((a, b), c)| (a - 2.0 * b + c).powi(2)).sum()
+        a.iter().zip(b).zip(c).map(|((a, b), c)| f64::from(a - 2.0 * b + c).powi(2)).sum()
     }
 
     fn difference(&self, a: usize, b: usize) -> f64 {
         if self.rows[a].is_empty() || self.rows[b].is_empty() {
             return f64::NAN;
         }
-        self.rows[a].iter().zip(&self.rows[b]).map(|(a, b)| (a - b).powi(2)).sum()
+        self.rows[a].iter().zip(&self.rows[b]).map(|(a, b)| f64::from(a - b).powi(2)).sum()
     }
 }
 
@@ -68,13 +68,17 @@ impl Capture {
     /// Gives histograms to the points at which their neighbours show that they were measured. Returns notes.
     pub(super) fn undo_order(&mut self) -> Vec<String> {
         let mut notes = vec![];
+        // The noise of other values is not known.
+        if !self.integer_counts {
+            return notes;
+        }
         let [nx, ny] = self.scan;
         let is_lattice = nx >= LEAST && ny >= LEAST;
         if is_lattice {
             notes.extend(self.turn_quadrant());
             notes.extend([true, false].into_iter().filter_map(|along_y| self.exchange_lines(along_y)));
         }
-        if self.integer_counts && notes.is_empty() {
+        if notes.is_empty() {
             let pairs = self.pair_count();
             let line = if is_lattice { ny } else { self.line_length() };
             let stream: Vec<usize> = (0..pairs).collect();
@@ -89,7 +93,8 @@ impl Capture {
 
     fn few_bins(&self) -> RootRows {
         let width = self.bins.div_ceil(COMPARED_BINS);
-        let root = |run: &[f32]| (run.iter().map(|v| f64::from(*v)).sum::<f64>().max(0.0) + 0.375).sqrt();
+        let root =
+            |run: &[f32]| (run.iter().map(|v| f64::from(*v)).sum::<f64>().max(0.0) + 0.375).sqrt() as f32;
         let few = |row: &[f32]| match row.iter().all(|v| *v == 0.0) {
             true => vec![],
             false => row.chunks(width).map(root).collect(),
@@ -155,10 +160,10 @@ impl Capture {
         let (lines, points) = if along_y { (nx, ny) } else { (ny, nx) };
         let pair = |line: usize, at: usize| if along_y { line * ny + at } else { at * ny + line };
         let rows = self.few_bins();
-        let apart = |a: usize, b: usize| -> Vec<f64> {
-            (0..points).map(|at| rows.difference(pair(a, at), pair(b, at))).collect()
+        let apart = |a: usize, b: usize| -> Vec<f32> {
+            (0..points).map(|at| rows.difference(pair(a, at), pair(b, at)) as f32).collect()
         };
-        let apart: Vec<Vec<Vec<f64>>> = (0..lines)
+        let apart: Vec<Vec<Vec<f32>>> = (0..lines)
             .into_par_iter()
             .map(|a| (a + 1..lines.min(a + 2 + MAX_APART)).map(|b| apart(a, b)).collect())
             .collect();
@@ -182,7 +187,7 @@ impl Capture {
                 let each: Option<Vec<_>> = (steps.iter())
                     .map(|at| between(order[*at], order[at + 1]).zip(between(other(*at), other(at + 1))))
                     .collect();
-                let sum = |lists: [&Vec<f64>; 2], at: usize| lists.map(|list| list[at]);
+                let sum = |lists: [&Vec<f32>; 2], at: usize| lists.map(|list| f64::from(list[at]));
                 let each = each?;
                 let of = |at: usize| {
                     each.iter()
