@@ -80,8 +80,7 @@ def solved(command, capture, truth, out):
     metrics, report = json.loads(said.stdout), json.loads((out / "report.json").read_text())
     verdict = report["verdict"] or {"grade": "?", "reasons": []}
     undone = [reason for reason in verdict["reasons"] if "undone here" in reason]
-    own = metrics.get("metrics", metrics)
-    return {"iou": own["iou"], "depth": own.get("depth_mae"), "normals": own.get("normal_error_deg"), "cpu": cpu, "wall": wall, "grade": verdict["grade"], "undone": undone}
+    return {"iou": metrics["iou"], "depth": metrics.get("depth_mae"), "normals": metrics.get("normal_error_deg"), "cpu": cpu, "wall": wall, "grade": verdict["grade"], "undone": undone}
 
 
 def mean(values):

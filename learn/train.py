@@ -1,4 +1,4 @@
-"""Trains the network: `train.py SCENES[:SHARE]... --out FOLDER --minutes N`, and goes on where it was. Writes FOLDER/weights.safetensors.
+"""Trains the network: `train.py SCENES[:SHARE]... --out FOLDER --minutes N`, from the last checkpoint if there is one. Writes FOLDER/weights.safetensors.
 
 It can be stopped (Ctrl-C) and continued for ever: the rate stays, and the weights that are written are means over the last thousand steps."""
 
@@ -44,8 +44,8 @@ def arguments():
     parser.add_argument("--widths", type=int, nargs="+")
     parser.add_argument("--threads", type=int, help="of the processor")
     given = parser.parse_args()
-    if given.teacher and given.crop:
-        parser.error("a teacher's answers are of the whole box: --crop 0")
+    if given.teacher and (given.crop or given.full):
+        parser.error("a teacher answers for the whole box, and teaches the network at half resolution: leave out --crop and --full")
     if given.resume and START.exists():
         given.start = given.start or START
     return given
@@ -156,7 +156,7 @@ class Supply:
         return chosen
 
     def batch(self, paths, crop):
-        """Scenes, turned at random; or a quarter of the box of each."""
+        """The tensors of scenes, or of a quarter of the box of each."""
         scenes = []
         for path, leaves in paths:
             at = [random.randrange(0, network.SIDE // 2 + 1, 2) for _ in range(2)] if crop else None

@@ -612,10 +612,15 @@ impl Law {
         self.of_pair.is_some() && !["time zero", "record"].contains(&self.name)
     }
 
+    /// The effect on all pairs.
+    pub fn effect_on_all(&self, setting: &LawScan, numbers: &[f64]) -> Effect {
+        let pairs: Vec<usize> = (0..setting.laser.len()).collect();
+        self.effect(setting, numbers, &pairs)
+    }
+
     /// Factors of the counts of all pairs.
     pub fn gains(&self, setting: &LawScan, numbers: &[f64]) -> Vec<f64> {
-        let pairs: Vec<usize> = (0..setting.laser.len()).collect();
-        self.effect(setting, numbers, &pairs).logs.into_iter().map(f64::exp).collect()
+        self.effect_on_all(setting, numbers).logs.into_iter().map(f64::exp).collect()
     }
 
     /// The effect on these pairs.
@@ -633,8 +638,7 @@ impl Law {
     /// The capture without it. Counts are divided so that photon noise keeps its size, late ones moved by whole bins unless all are
     /// equally late.
     pub fn undone(&self, capture: &Capture, setting: &LawScan, numbers: &[f64]) -> Capture {
-        let pairs: Vec<usize> = (0..capture.pair_count()).collect();
-        let Effect { logs, delays } = self.effect(setting, numbers, &pairs);
+        let Effect { logs, delays } = self.effect_on_all(setting, numbers);
         let mut undone = capture.clone();
         if let Some(of_point) = self.of_point {
             undone.given.get_or_insert_with(|| Arc::new([capture.laser.clone(), capture.sensor.clone()]));

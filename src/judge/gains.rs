@@ -1,5 +1,5 @@
 //! Gains of held-out pairs by one surface: sums of products of its rendering, of those of smooth changes of the surface, and of what is
-//! measured. They give what gains by any law leave, with the surface that suits them, without further renderings.
+//! measured. What the gains of any law leave with the best of these surfaces follows from them, without another rendering.
 
 use thirdbounce_base::equations::solve_symmetric;
 

@@ -131,10 +131,10 @@ impl<'c> Job<'c> {
     }
 
     /// The job of a corrected capture, which knows what was found in the other one.
-    pub fn again(self, capture: Cow<'c, Capture>) -> Job<'c> {
-        let Estimates { findings, seconds, .. } = self.estimates;
-        let estimates = Estimates { findings, seconds, ..Estimates::default() };
-        let Job { warnings, faults, .. } = self;
+    pub fn again<'d>(&self, capture: Cow<'d, Capture>) -> Job<'d> {
+        let Estimates { findings, seconds, .. } = &self.estimates;
+        let estimates = Estimates { findings: findings.clone(), seconds: *seconds, ..Estimates::default() };
+        let (warnings, faults) = (self.warnings.clone(), self.faults.clone());
         Job { estimates, warnings, faults, ..Job::of(&self.settings, capture) }
     }
 

@@ -11,7 +11,7 @@ use super::pulse::{Shape, Tried};
 use super::response::Response;
 use super::samples::ResponseSamples;
 use super::spread::ComparedRows;
-use super::trial::{Fitted, From, Trial, fit_all, for_fits, quick};
+use super::trial::{FitBegin, Fitted, From, Trial, fit_all, for_fits, quick};
 use crate::capture::{Capture, Pulse};
 use crate::engine::{Doing, Problem, Progress, TracePoint, Watch};
 use crate::gpu::Gpu;
@@ -131,9 +131,8 @@ impl<'t> Physics<'t> {
             Trial::new(
                 gpu,
                 whole.clone(),
-                grid,
                 quick(model, options.lateral),
-                starts.clone(),
+                FitBegin { grid, starts: starts.clone(), delays: vec![] },
                 job.settings.memory,
             )
         };
@@ -284,7 +283,7 @@ impl<'t> Physics<'t> {
 
     fn begin_with(&mut self, layers: Vec<Maps>, shown: Option<&Maps>) {
         self.starts = Arc::new(self.starts.with_union(layers, shown));
-        self.trials.iter_mut().for_each(|trial| trial.set_starts(&self.starts));
+        self.trials.iter_mut().for_each(|trial| trial.begin.starts = self.starts.clone());
     }
 
     /// The sharp fit of a model, if it found a surface.

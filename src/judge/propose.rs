@@ -194,12 +194,12 @@ pub fn as_scale(trials: &mut Trials<'_>) -> Result<Vec<Proposal>> {
         let mut best = trials.begun(&Proposal { law, starts: (law.starts)(&scan), is_far })?;
         // Fits that begin with the surface at hand, moved, nearly agree: what the network sees then decides.
         if let Some(near) = best.as_ref().filter(|best| !is_far && best.share_left() < bounds::NEARLY) {
-            let seen = trials.looked_at(law, &near.numbers.clone())?;
-            best = best.into_iter().chain(seen).min_by(|a, b| a.share_left().total_cmp(&b.share_left()));
+            let seen = trials.looked_at(law, &near.numbers)?;
+            best = best.into_iter().chain(seen).min_by(TriedLaw::compared);
         }
         begun.extend(best.filter(|best| best.share_left() < factor));
     }
-    begun.sort_by(|a, b| a.share_left().total_cmp(&b.share_left()));
+    begun.sort_by(TriedLaw::compared);
     begun.truncate(most);
     let proposal = |TriedLaw { law, numbers, .. }| Proposal { law, starts: vec![numbers], is_far: true };
     Ok(begun.into_iter().map(proposal).collect())

@@ -1,5 +1,5 @@
-//! The search for a correction: proposals from the surface at hand, one minimiser for the numbers of every law, and trials that begin with
-//! what the network sees of the capture as it is. The network looks again once, at the numbers that were found.
+//! The search for a correction: proposals from the surface at hand, brief fits for the numbers of every law, whole ones for those that pass,
+//! and numbers that are refined by the estimates of the capture without it.
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;
@@ -65,7 +65,7 @@ impl<'j> Trials<'j> {
         let fits = first + each * (law.steps.len() - 1);
         let steps = law.steps_at(&begin.numbers, 1.0);
         let least = (begin.share_left(), begin.numbers.clone());
-        self.beginning_with(&begin.begun, |trials| {
+        self.beginning_with(begin.begun, |trials| {
             let mut cost =
                 |n: &[f64]| Ok(trials.judged(law, n)?.map_or(f64::INFINITY, |tried| tried.share_left()));
             let (_, numbers) = minimised(&mut cost, least, &steps, fits, bounds::ALIKE)?;
@@ -138,16 +138,19 @@ impl<'j> Trials<'j> {
 }
 
 /// A law that was found, refined with what is estimated of the capture without it: estimates of the wrong capture prefer wrong numbers.
-fn refined_by(job: &Job<'_>, estimates: &Estimates, found: &TriedLaw, gpu: &Gpu) -> Result<Option<TriedLaw>> {
+fn refined_by(
+    job: &Job<'_>,
+    estimates: &Estimates,
+    found: &TriedLaw,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Option<TriedLaw>> {
     let Some(at_hand) = job.estimates.at_hand.as_ref().filter(|_| !found.law.is_closed_form()) else {
         return Ok(None);
     };
     let of = Job { estimates: estimates.clone(), ..job.with_capture(Cow::Borrowed(&job.capture)) };
-    let mut quiet = |_: &Progress| ControlFlow::Continue(());
-    let Some(mut trials) = Trials::new(&of, at_hand.starts.clone(), gpu, &mut quiet)? else {
-        return Ok(None);
-    };
-    if trials.fit_whole()? { trials.refined(found) } else { Ok(None) }
+    let trials = Trials::new(&of, at_hand.starts.clone(), From::Start, gpu, hear)?;
+    trials.map_or(Ok(None), |mut trials| trials.refined(found))
 }
 
 /// The least cost near a number of this cost: the vertex of the parabola through the costs of five numbers, which scatter. `None` without
@@ -209,23 +212,21 @@ pub fn corrected<'c>(
         job.estimates.add_search(clock.elapsed().as_secs_f64());
         let Some(mut found) = found else { break };
         let frame = LawScan::of(&job.capture).frame;
+        let of = |found: &TriedLaw| LawCorrection { law: found.law, numbers: found.numbers.clone(), frame };
         // A bar that does not begin again.
-        let mut hear = |progress: &Progress| match progress.doing {
+        let hear = &mut |progress: &Progress| match progress.doing {
             Doing::Preview => ControlFlow::Continue(()),
             _ => hear(&Progress { doing: Doing::Search, maps: None, ..progress.clone() }),
         };
-        let mut estimated = |job: &Job<'c>, found: &TriedLaw| {
-            let undone = found.law.undone(&job.capture, &LawScan::of(&job.capture), &found.numbers);
-            estimate::estimate(job.clone().again(Cow::Owned(undone)), gpu, &mut hear)
-        };
-        let mut undone = estimated(&job, &found)?;
-        if let Some(better) = refined_by(&job, &undone.estimates, &found, gpu)?
+        let again = |found: &TriedLaw| job.again(Cow::Owned(of(found).undone(&job.capture)));
+        let mut undone = estimate::estimate(again(&found), gpu, hear)?;
+        if let Some(better) = refined_by(&job, &undone.estimates, &found, gpu, hear)?
             .filter(|better| better.share_left() < found.share_left())
         {
             found = better;
-            undone = estimated(&job, &found)?;
+            undone = estimate::estimate(again(&found), gpu, hear)?;
         }
-        let correction = LawCorrection { law: found.law, numbers: found.numbers.clone(), frame };
+        let correction = of(&found);
         let mut finding =
             CaptureFinding::new(FindingSource::Searched, correction.what(&job.capture), found.law.hint);
         let figures = |left: &Left| Some(figures_of(left));
@@ -236,8 +237,6 @@ pub fn corrected<'c>(
         let is_used = finding.is_used;
         if is_used {
             finding.corrections = vec![correction.as_stored()];
-        }
-        if is_used {
             job = undone;
         }
         job.estimates.findings.push(finding);
@@ -259,7 +258,9 @@ fn searched(
     if at_hand.held.left().certain() <= bounds::SUSPICIOUS || job.estimates.has_samples() {
         return Ok(None);
     }
-    let Some(mut trials) = Trials::new(job, at_hand.starts.clone(), gpu, hear)? else { return Ok(None) };
+    let Some(mut trials) = Trials::new(job, at_hand.starts.clone(), From::Brief, gpu, hear)? else {
+        return Ok(None);
+    };
     if trials.base.held.left().certain() <= bounds::SUSPICIOUS || !trials.scan.fills_area() {
         return Ok(None);
     }
@@ -268,7 +269,7 @@ fn searched(
         for proposal in proposals(&mut trials)? {
             found.extend(trials.minimised(&proposal)?.filter(|tried| tried.passes(bounds::PROMISING)));
         }
-        found.sort_by(|a, b| a.share_left().total_cmp(&b.share_left()));
+        found.sort_by(TriedLaw::compared);
         if found
             .first()
             .is_some_and(|best| !(best.law.has_rivals)(&best.numbers) && best.passes(EvidenceGate::SEARCHED))
@@ -277,10 +278,7 @@ fn searched(
         }
     }
     let Some(first) = found.first() else { return Ok(None) };
-    if trials.leaves_less_both_ways(&first.clone())? {
-        return Ok(None);
-    }
-    if !trials.fit_whole()? {
+    if trials.leaves_less_both_ways(first)? || !trials.fit_whole()? {
         return Ok(None);
     }
     let mut finalists = vec![];
@@ -289,5 +287,5 @@ fn searched(
         finalists.extend(trials.whole(of)?);
     }
     finalists.retain(|tried| tried.passes(EvidenceGate::DOUBT));
-    Ok(finalists.into_iter().min_by(|a, b| a.share_left().total_cmp(&b.share_left())))
+    Ok(finalists.into_iter().min_by(TriedLaw::compared))
 }

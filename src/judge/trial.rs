@@ -16,7 +16,7 @@ use crate::surface::{Candidate, Fit, Growth, HeldOut, Judge, Quality, Rounds, Ru
 use crate::transport::{Grid, Reflectance};
 use crate::{Error, Kind, Result};
 
-/// Cells of the wall on a side that are told apart where delays move a surface.
+/// Cells per side of the wall; all of a cell moves by the delay of one pair.
 const CELLS: usize = 16;
 
 /// Options of a short fit with this number of lateral pixels.
@@ -62,11 +62,9 @@ pub(crate) struct Trial<'c> {
     gpu: Gpu,
     /// In the bins of the fits.
     capture: Arc<Cow<'c, Capture>>,
-    grid: Grid,
     options: SurfaceOptions,
-    starts: Arc<Starts>,
-    /// Delays of pairs that the starts are without.
-    delays: Vec<f64>,
+    /// What fits begin with.
+    pub begin: FitBegin,
     memory: Option<u64>,
 }
 
@@ -80,8 +78,7 @@ pub(crate) struct FitBegin {
 }
 
 impl FitBegin {
-    /// What it is of a capture in which these delays of pairs are undone. `of`: where a pair is. By half of a delay a depth changes; where
-    /// the delay has a slope, light came from aside, by half of the slope times the depth.
+    /// What it is of a capture in which these delays of pairs are undone. `of`: where a pair is.
     pub fn moved(&self, delays: &[f64], of: impl Fn(usize) -> DVec3) -> FitBegin {
         let count = delays.len().max(self.delays.len());
         let at = |delays: &[f64], pair: usize| delays.get(pair).copied().unwrap_or(0.0);
@@ -98,38 +95,43 @@ impl FitBegin {
                 let far = |pair: &usize| of(*pair).truncate().distance_squared(place);
                 (0..count).min_by(|a, b| far(a).total_cmp(&far(b))).map_or(0.0, |pair| by[pair])
             };
-            let cells: Vec<f64> = (0..CELLS * CELLS).map(nearest).collect();
-            let finite = || maps.depth.iter().filter(|z| z.is_finite()).map(|z| f64::from(*z));
-            let middle = finite().sum::<f64>() / finite().count().max(1) as f64;
-            let cell = |ix: usize, iy: usize| ix * CELLS / maps.nx * CELLS + iy * CELLS / maps.ny;
-            let last = CELLS - 1;
-            // Half of the slope of delays, per cell; cells are as wide as pixels times these.
-            let slope = |at: usize| {
-                let [i, k] = [at / CELLS, at % CELLS];
-                let x = cells[(i + 1).min(last) * CELLS + k] - cells[i.saturating_sub(1) * CELLS + k];
-                let y = cells[i * CELLS + (k + 1).min(last)] - cells[i * CELLS + k.saturating_sub(1)];
-                let wide = |i: usize| ((i + 1).min(last) - i.saturating_sub(1)) as f64 / CELLS as f64;
-                [0.5 * x / (wide(i) * (x1 - x0)), 0.5 * y / (wide(k) * (y1 - y0))]
-            };
-            let pitch = [(x1 - x0) / maps.nx as f64, (y1 - y0) / maps.ny as f64];
-            let given = maps.clone();
-            for ix in 0..maps.nx {
-                for iy in 0..maps.ny {
-                    let [gx, gy] = slope(cell(ix, iy));
-                    let from = |i: usize, g: f64, pitch: f64, n: usize| {
-                        (i as f64 - (middle * g / pitch).round()).clamp(0.0, n as f64 - 1.0) as usize
-                    };
-                    let [fx, fy] = [from(ix, gx, pitch[0], maps.nx), from(iy, gy, pitch[1], maps.ny)];
-                    let [to, at] = [ix * maps.ny + iy, fx * maps.ny + fy];
-                    maps.albedo[to] = given.albedo[at];
-                    maps.depth[to] = given.depth[at] - 0.5 * cells[cell(fx, fy)] as f32;
-                    if !given.mask.is_empty() {
-                        maps.mask[to] = given.mask[at];
-                    }
-                }
-            }
+            move_by_delays(maps, &(0..CELLS * CELLS).map(nearest).collect::<Vec<f64>>());
         }
         FitBegin { starts: Arc::new(starts), delays: delays.to_vec(), ..self.clone() }
+    }
+}
+
+/// Moves a surface as if the delays of the cells of the wall, `[x][y]`, were undone: a depth changes by half of the delay; where the delay has a
+/// slope, light came from aside, by half of the slope times the depth.
+fn move_by_delays(maps: &mut Maps, cells: &[f64]) {
+    let (given, last) = (maps.clone(), CELLS - 1);
+    let [x0, x1, y0, y1] = maps.extent;
+    let finite = || given.depth.iter().filter(|z| z.is_finite()).map(|z| f64::from(*z));
+    let middle = finite().sum::<f64>() / finite().count().max(1) as f64;
+    let cell = |ix: usize, iy: usize| [ix * CELLS / given.nx, iy * CELLS / given.ny];
+    let delay = |[i, k]: [usize; 2]| cells[i * CELLS + k];
+    let pitch = [(x1 - x0) / given.nx as f64, (y1 - y0) / given.ny as f64];
+    // Half of the slope of the delays along one axis, from the cells on both sides.
+    let half_slope = |at: [usize; 2], axis: usize, length: f64| {
+        let beside = |i: usize| std::array::from_fn(|k| if k == axis { i } else { at[k] });
+        let [before, behind] = [at[axis].saturating_sub(1), (at[axis] + 1).min(last)];
+        let apart = (behind - before) as f64 / CELLS as f64;
+        0.5 * (delay(beside(behind)) - delay(beside(before))) / (apart * length)
+    };
+    let from = |i: usize, slope: f64, pitch: f64, n: usize| {
+        (i as f64 - (middle * slope / pitch).round()).clamp(0.0, n as f64 - 1.0) as usize
+    };
+    for to in 0..given.depth.len() {
+        let [ix, iy] = [to / given.ny, to % given.ny];
+        let at = cell(ix, iy);
+        let fx = from(ix, half_slope(at, 0, x1 - x0), pitch[0], given.nx);
+        let fy = from(iy, half_slope(at, 1, y1 - y0), pitch[1], given.ny);
+        let seen = fx * given.ny + fy;
+        maps.albedo[to] = given.albedo[seen];
+        maps.depth[to] = given.depth[seen] - 0.5 * delay(cell(fx, fy)) as f32;
+        if !given.mask.is_empty() {
+            maps.mask[to] = given.mask[seen];
+        }
     }
 }
 
@@ -275,31 +277,16 @@ impl<'c> Trial<'c> {
     pub fn new(
         gpu: &Gpu,
         capture: Arc<Cow<'c, Capture>>,
-        grid: Grid,
         options: SurfaceOptions,
-        starts: Arc<Starts>,
+        begin: FitBegin,
         memory: Option<u64>,
     ) -> Trial<'c> {
-        Trial { gpu: gpu.clone(), capture, grid, options, starts, delays: vec![], memory }
+        Trial { gpu: gpu.clone(), capture, options, begin, memory }
     }
 
     /// The model of reflectance.
     pub fn reflectance(&self) -> Reflectance {
         self.options.reflectance
-    }
-
-    /// Later fits begin with these.
-    pub fn set_starts(&mut self, starts: &Arc<Starts>) {
-        self.starts = starts.clone();
-    }
-
-    pub fn begun_with(&self) -> FitBegin {
-        FitBegin { grid: self.grid, starts: self.starts.clone(), delays: self.delays.clone() }
-    }
-
-    /// Later fits begin so.
-    pub fn begin_with(&mut self, FitBegin { grid, starts, delays }: &FitBegin) {
-        (self.grid, self.starts, self.delays) = (*grid, starts.clone(), delays.clone());
     }
 
     /// Gives the fits, and what judges them, a high-pass of this length (metres of path) and floor.
@@ -310,7 +297,7 @@ impl<'c> Trial<'c> {
     /// A fit with this impulse response, planned.
     fn planned(&self, pulse: Option<&Pulse>, from: From<'_>) -> Result<Fit> {
         let outline = self.capture.outline().with(|c| c.pulse = pulse.cloned());
-        let problem = Problem { memory: self.memory, ..Problem::new(&outline, self.grid) };
+        let problem = Problem { memory: self.memory, ..Problem::new(&outline, self.begin.grid) };
         Fit::new(&self.gpu, &problem, &self.options, [0, from.iterations()], Judge::HeldOut)
     }
 
@@ -320,7 +307,7 @@ impl<'c> Trial<'c> {
         fit.take(&self.capture)?;
         fit.step = step;
         let layers = match from {
-            From::Start | From::Brief => self.starts.layers.clone(),
+            From::Start | From::Brief => self.begin.starts.layers.clone(),
             From::Layers(layers) | From::Fit(layers, _) => layers.to_vec(),
         };
         let growth = Growth::new(&fit, Rounds { number: rounds, rings: 1 }, layers);
@@ -369,7 +356,7 @@ impl<'c> Trial<'c> {
     /// A fit with the counts that only judges.
     fn judging(&self, options: &SurfaceOptions, judge: Judge) -> Result<Fit> {
         let outline = self.capture.outline();
-        let problem = Problem { memory: self.memory, ..Problem::new(&outline, self.grid) };
+        let problem = Problem { memory: self.memory, ..Problem::new(&outline, self.begin.grid) };
         let mut fit = Fit::new(&self.gpu, &problem, options, [0, 1], judge)?;
         fit.take(&self.capture)?;
         Ok(fit)

@@ -1,6 +1,7 @@
 //! Fits that judge laws with their numbers, and the one minimiser of numbers.
 
 use std::borrow::Cow;
+use std::cmp::Ordering;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -39,12 +40,23 @@ pub struct TriedLaw {
     pub fitted: Fitted,
     /// What the fit began with.
     pub begun: FitBegin,
+    /// Whether that is what the network sees once these numbers are undone.
+    is_seen: bool,
 }
 
 impl TriedLaw {
     /// What is left once it is undone, over what is left as the capture is, of the same pairs.
     pub fn share_left(&self) -> f64 {
         self.left[0].excess() / self.left[1].excess().max(f64::MIN_POSITIVE)
+    }
+
+    fn is_of(&self, law: &Law, numbers: &[f64]) -> bool {
+        self.law.name == law.name && self.numbers == numbers
+    }
+
+    /// By what is left.
+    pub fn compared(&self, other: &TriedLaw) -> Ordering {
+        self.share_left().total_cmp(&other.share_left())
     }
 
     pub fn passes(&self, gate: EvidenceGate) -> bool {
@@ -69,7 +81,7 @@ pub struct Trials<'j> {
     pub base: Fitted,
     pub gpu: &'j Gpu,
     pub hear: &'j mut dyn FnMut(&Progress) -> ControlFlow<()>,
-    /// Fits are brief until the network looks again.
+    /// What fits begin with: brief ones until laws are fitted whole.
     pub from: From<'static>,
     /// All trials so far: a minimiser comes back to the same numbers.
     pub tried: Vec<TriedLaw>,
@@ -80,10 +92,11 @@ pub struct Trials<'j> {
 }
 
 impl<'j> Trials<'j> {
-    /// `None` if no surface is found.
+    /// Trials by fits that begin so. `None` if no surface is found.
     pub fn new(
         job: &'j Job<'j>,
         starts: Arc<Starts>,
+        from: From<'static>,
         gpu: &'j Gpu,
         hear: &'j mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Option<Trials<'j>>> {
@@ -95,10 +108,11 @@ impl<'j> Trials<'j> {
             whole.to_mut().pulse.clone_from(&pulse);
         }
         let scan = LawScan::of(&whole);
-        let trial = Trial::new(gpu, Arc::new(whole), grid, options, starts, job.settings.memory);
+        let begin = FitBegin { grid, starts, delays: vec![] };
+        let trial = Trial::new(gpu, Arc::new(whole), options, begin, job.settings.memory);
         let mut quiet = |_: &Progress| ControlFlow::Continue(());
         let mut watch = Watch { hear: &mut quiet, maps_every: None, maps_at: &[] };
-        let base = fit_all(&[&trial], pulse.as_ref(), From::Brief, 1.0, &mut watch)?.pop().flatten();
+        let base = fit_all(&[&trial], pulse.as_ref(), from, 1.0, &mut watch)?.pop().flatten();
         Ok(base.map(|base| Trials {
             job,
             trial,
@@ -107,7 +121,7 @@ impl<'j> Trials<'j> {
             base,
             gpu,
             hear,
-            from: From::Brief,
+            from,
             tried: vec![],
             is_scaled: false,
             done: 0,
@@ -142,19 +156,18 @@ impl<'j> Trials<'j> {
     /// What a fit leaves once these numbers of a law are undone, which begins with the surface at hand, moved by its delays; `None` without a
     /// surface.
     pub fn judged(&mut self, law: &'static Law, numbers: &[f64]) -> Result<Option<TriedLaw>> {
-        if let Some(same) = self.tried.iter().find(|of| of.law.name == law.name && of.numbers == numbers) {
+        if let Some(same) = self.tried.iter().find(|of| of.is_of(law, numbers)) {
             return Ok(Some(same.clone()));
         }
-        let begin = self.trial.begun_with();
         let mut undone = self.trial.with_capture(law.undone(self.trial.capture(), &self.scan, numbers));
-        let pairs: Vec<usize> = (0..self.scan.laser.len()).collect();
-        let delays = law.effect(&self.scan, numbers, &pairs).delays;
-        undone
-            .begin_with(&begin.moved(&delays, |pair| self.scan.laser[pair].midpoint(self.scan.sensor[pair])));
+        let delays = law.effect_on_all(&self.scan, numbers).delays;
+        let middle = |pair: usize| self.scan.laser[pair].midpoint(self.scan.sensor[pair]);
+        undone.begin = self.trial.begin.moved(&delays, middle);
         let Some(fitted) = self.fits(&[undone], self.from, 1.0)?.pop().flatten() else { return Ok(None) };
         let gains = (law.proposed == Proposed::ByProducts).then(|| law.gains(&self.scan, numbers));
         let left = both(&fitted.held, &self.base.held, gains.as_deref());
-        let tried = TriedLaw { law, numbers: numbers.to_vec(), left, fitted, begun: begin };
+        let begun = self.trial.begin.clone();
+        let tried = TriedLaw { law, numbers: numbers.to_vec(), left, fitted, begun, is_seen: false };
         self.tried.push(tried.clone());
         Ok(Some(tried))
     }
@@ -164,7 +177,7 @@ impl<'j> Trials<'j> {
         let mut best: Option<TriedLaw> = None;
         for start in starts {
             let tried = if *is_far { self.looked_at(law, start)? } else { self.judged(law, start)? };
-            best = best.into_iter().chain(tried).min_by(|a, b| a.share_left().total_cmp(&b.share_left()));
+            best = best.into_iter().chain(tried).min_by(TriedLaw::compared);
             // Looks take most of the time of a fit.
             if *is_far && best.as_ref().is_none_or(|best| best.share_left() > HOPELESS) {
                 break;
@@ -175,22 +188,25 @@ impl<'j> Trials<'j> {
 
     /// The same as [`Self::judged`] by a fit that begins with what the network sees once these numbers are undone.
     pub fn looked_at(&mut self, law: &'static Law, numbers: &[f64]) -> Result<Option<TriedLaw>> {
+        if let Some(same) = self.tried.iter().find(|of| of.is_seen && of.is_of(law, numbers)) {
+            return Ok(Some(same.clone()));
+        }
         let undone = self.job.with_capture(Cow::Owned(law.undone(&self.job.capture, &self.scan, numbers)));
-        let pairs: Vec<usize> = (0..self.scan.laser.len()).collect();
-        let begin = FitBegin {
-            delays: law.effect(&self.scan, numbers, &pairs).delays,
-            ..estimate::begin_of(&undone, self.gpu, self.hear)?
-        };
-        self.tried.retain(|of| of.law.name != law.name || of.numbers != numbers);
-        self.beginning_with(&begin, |trials| trials.judged(law, numbers))
+        let delays = law.effect_on_all(&self.scan, numbers).delays;
+        let begin = FitBegin { delays, ..estimate::begin_of(&undone, self.gpu, self.hear)? };
+        self.tried.retain(|of| !of.is_of(law, numbers));
+        let seen = self.beginning_with(begin, |trials| trials.judged(law, numbers))?;
+        if let Some(last) = self.tried.last_mut().filter(|_| seen.is_some()) {
+            last.is_seen = true;
+        }
+        Ok(seen)
     }
 
     /// What this does with fits that begin so.
-    pub fn beginning_with<T>(&mut self, begin: &FitBegin, does: impl FnOnce(&mut Self) -> T) -> T {
-        let own = self.trial.begun_with();
-        self.trial.begin_with(begin);
+    pub fn beginning_with<T>(&mut self, begin: FitBegin, does: impl FnOnce(&mut Self) -> T) -> T {
+        let own = std::mem::replace(&mut self.trial.begin, begin);
         let done = does(self);
-        self.trial.begin_with(&own);
+        self.trial.begin = own;
         done
     }
 }

@@ -54,13 +54,19 @@ pub fn on_wall(point: DVec3) -> [f64; 2] {
     [2.0 * point.x, 2.0 * point.y]
 }
 
-pub fn placed(c: &Capture, of: fn([f64; 2]) -> [f64; 2]) -> Capture {
+/// Points moved on the wall, by their pair.
+pub fn placed_by(c: &Capture, of: impl Fn(usize, [f64; 2]) -> [f64; 2]) -> Capture {
+    let moved = |(pair, point): (usize, &mut DVec3)| {
+        let [x, y] = of(pair, on_wall(*point));
+        *point = dvec3(0.5 * x, 0.5 * y, point.z);
+    };
     changed(c, |c| {
-        for point in c.laser.iter_mut().chain(&mut c.sensor) {
-            let [x, y] = of(on_wall(*point));
-            *point = dvec3(0.5 * x, 0.5 * y, point.z);
-        }
+        [&mut c.laser, &mut c.sensor].into_iter().for_each(|all| all.iter_mut().enumerate().for_each(moved))
     })
+}
+
+pub fn placed(c: &Capture, of: fn([f64; 2]) -> [f64; 2]) -> Capture {
+    placed_by(c, |_, point| of(point))
 }
 
 /// A share of a count: of whole counts each photon by chance.

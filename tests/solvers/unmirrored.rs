@@ -12,7 +12,7 @@ use thirdbounce::Grade;
 use thirdbounce::capture::{Capture, METRES_PER_PICOSECOND};
 use thirdbounce::simulate::{Dark, RenderOptions, Scene, simulate, truth};
 
-use crate::instrument::{ALIKE, delayed, echoed, line, on_wall, placed, solved, weighed};
+use crate::instrument::{ALIKE, delayed, echoed, line, on_wall, placed, placed_by, solved, weighed};
 
 /// A fault of a capture; the seed is of its photons.
 type Fault = (&'static str, fn(&Capture, u64) -> Capture);
@@ -20,16 +20,6 @@ type Fault = (&'static str, fn(&Capture, u64) -> Capture);
 /// The share of a scan that is done at a pair.
 fn done(c: &Capture, pair: usize) -> f64 {
     pair as f64 / c.pair_count() as f64
-}
-
-fn with_points(c: &Capture, of: impl Fn(usize, [f64; 2]) -> [f64; 2]) -> Capture {
-    changed(c, |to| {
-        for pair in 0..c.pair_count() {
-            let [x, y] = of(pair, on_wall(c.laser[pair]));
-            let moved = |z: f64| glam::dvec3(0.5 * x, 0.5 * y, z);
-            (to.laser[pair], to.sensor[pair]) = (moved(c.laser[pair].z), moved(c.sensor[pair].z));
-        }
-    })
 }
 
 /// Photons late or early by chance: up to 3 cm of path at the end of the scan (standard deviation).
@@ -54,7 +44,7 @@ fn jittery(c: &Capture, seed: u64) -> Capture {
 const FAULTS: [Fault; 12] = [
     ("a mirror with a cubic term", |c, _| placed(c, |[x, y]| [x + 0.12 * x.powi(3), y])),
     ("a mount that vibrates", |c, _| {
-        with_points(c, |pair, [x, y]| [x + 0.04 * (TAU * pair as f64 / 7.3).sin(), y])
+        placed_by(c, |pair, [x, y]| [x + 0.04 * (TAU * pair as f64 / 7.3).sin(), y])
     }),
     ("a laser that warms up", |c, s| weighed(c, s, |p| 1.0 - 0.6 * (-6.0 * done(c, p)).exp())),
     ("gain by the temperature of the sensor", |c, s| {
@@ -67,7 +57,7 @@ const FAULTS: [Fault; 12] = [
     ("one bad column", |c, s| weighed(c, s, |p| if line(c, p)[0] == c.scan[0] / 3 { 0.05 } else { 1.0 })),
     ("backlash: every second row half a point aside", |c, _| {
         let half = 1.0 / c.scan[0] as f64;
-        with_points(c, |pair, [x, y]| [x + if pair % c.scan[1] % 2 == 1 { half } else { -half }, y])
+        placed_by(c, |pair, [x, y]| [x + if pair % c.scan[1] % 2 == 1 { half } else { -half }, y])
     }),
     ("a wall that bulges by 5 cm", |c, s| {
         delayed(c, s, |p| {

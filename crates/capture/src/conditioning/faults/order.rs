@@ -74,17 +74,26 @@ impl Capture {
         }
         let [nx, ny] = self.scan;
         let is_lattice = nx >= LEAST && ny >= LEAST;
+        let mut rows = self.few_bins();
         if is_lattice {
-            notes.extend(self.turn_quadrant());
-            notes.extend([true, false].into_iter().filter_map(|along_y| self.exchange_lines(along_y)));
+            if let Some(note) = self.turn_quadrant(&rows) {
+                notes.push(note);
+                rows = self.few_bins();
+            }
+            for along_y in [true, false] {
+                if let Some(note) = self.exchange_lines(&rows, along_y) {
+                    notes.push(note);
+                    rows = self.few_bins();
+                }
+            }
         }
         if notes.is_empty() {
             let pairs = self.pair_count();
             let line = if is_lattice { ny } else { self.line_length() };
             let stream: Vec<usize> = (0..pairs).collect();
-            let note = self.move_triggers(&stream, line).or_else(|| {
+            let note = self.move_triggers(&rows, &stream, line).or_else(|| {
                 let across: Vec<usize> = (0..pairs).map(|p| p % nx * ny + p / nx).collect();
-                is_lattice.then(|| self.move_triggers(&across, nx)).flatten()
+                is_lattice.then(|| self.move_triggers(&rows, &across, nx)).flatten()
             });
             notes.extend(note);
         }
@@ -115,14 +124,13 @@ impl Capture {
         self.histograms = order.iter().flat_map(|pair| self.histogram(*pair)).copied().collect();
     }
 
-    /// Turns a quadrant back whose light goes on across its borders only if it is turned or mirrored.
-    fn turn_quadrant(&mut self) -> Option<String> {
+    /// Turns or mirrors a quadrant back if only then its histograms continue those across its borders.
+    fn turn_quadrant(&mut self, rows: &RootRows) -> Option<String> {
         let [nx, ny] = self.scan;
         let [hx, hy] = [nx / 2, ny / 2];
         if nx % 2 + ny % 2 > 0 {
             return None;
         }
-        let rows = self.few_bins();
         // Three points across a border between quadrants.
         let across = || {
             let x = (0..ny).flat_map(|iy| [hx - 1, hx].map(|ix| [ix - 1, ix, ix + 1].map(|ix| ix * ny + iy)));
@@ -142,8 +150,8 @@ impl Capture {
                 flip(fx, ix, hx) * ny + flip(fy, iy, hy)
             };
             let gain = Gain::of(across().map(|three| [rows.bend(three), rows.bend(three.map(from))]));
-            let order: Vec<usize> = (0..nx * ny).map(from).collect();
-            Some((gain.beyond(QUADRANT)?, word, [qx, qy], order))
+            let errors = gain.beyond(QUADRANT)?;
+            Some((errors, word, [qx, qy], (0..nx * ny).map(from).collect::<Vec<usize>>()))
         });
         let (_, word, [qx, qy], order) = tried.max_by(|a, b| a.0.total_cmp(&b.0))?;
         self.reorder(&order);
@@ -155,11 +163,10 @@ impl Capture {
     }
 
     /// Exchanges pairs of lines that lie at each other's place.
-    fn exchange_lines(&mut self, along_y: bool) -> Option<String> {
+    fn exchange_lines(&mut self, rows: &RootRows, along_y: bool) -> Option<String> {
         let [nx, ny] = self.scan;
         let (lines, points) = if along_y { (nx, ny) } else { (ny, nx) };
         let pair = |line: usize, at: usize| if along_y { line * ny + at } else { at * ny + line };
-        let rows = self.few_bins();
         let apart = |a: usize, b: usize| -> Vec<f32> {
             (0..points).map(|at| rows.difference(pair(a, at), pair(b, at)) as f32).collect()
         };
@@ -172,14 +179,10 @@ impl Capture {
         let mut exchanged = vec![];
         while exchanged.len() < lines {
             let gain = |i: usize, j: usize| {
-                let other = |at: usize| {
-                    order[if at == i {
-                        j
-                    } else if at == j {
-                        i
-                    } else {
-                        at
-                    }]
+                let other = |at: usize| match at {
+                    _ if at == i => order[j],
+                    _ if at == j => order[i],
+                    _ => order[at],
                 };
                 let steps = [i.checked_sub(1), Some(i), Some(j - 1), Some(j)].into_iter().flatten();
                 let mut steps: Vec<usize> = steps.filter(|at| at + 1 < lines).collect();
@@ -187,12 +190,10 @@ impl Capture {
                 let each: Option<Vec<_>> = (steps.iter())
                     .map(|at| between(order[*at], order[at + 1]).zip(between(other(*at), other(at + 1))))
                     .collect();
-                let sum = |lists: [&Vec<f32>; 2], at: usize| lists.map(|list| f64::from(list[at]));
                 let each = each?;
                 let of = |at: usize| {
-                    each.iter()
-                        .map(|(a, b)| sum([a, b], at))
-                        .fold([0.0; 2], |s, e| [s[0] + e[0], s[1] + e[1]])
+                    let both = each.iter().map(|(a, b)| [a[at], b[at]].map(f64::from));
+                    both.fold([0.0; 2], |sum, both| [sum[0] + both[0], sum[1] + both[1]])
                 };
                 Some((Gain::of((0..points).map(of)).beyond(LINES)?, i, j))
             };
@@ -219,15 +220,14 @@ impl Capture {
 
     /// Moves histograms behind lost or additional triggers to their points. `stream`: the pairs in the order of the scanner, in lines of
     /// `line` points. Points without a histogram get the mean of their neighbours.
-    fn move_triggers(&mut self, stream: &[usize], line: usize) -> Option<String> {
+    fn move_triggers(&mut self, rows: &RootRows, stream: &[usize], line: usize) -> Option<String> {
         let count = stream.len();
         if line < LEAST || count < LEAST * line {
             return None;
         }
-        let rows = self.few_bins();
         let mut from: Vec<Option<usize>> = stream.iter().copied().map(Some).collect();
         let (mut lost, mut found) = (vec![], vec![]);
-        while let Some((at, is_lost)) = next_trigger(&rows, &from, line) {
+        while let Some((at, is_lost)) = next_trigger(rows, &from, line) {
             // No scanner loses count several times a line: something else is wrong.
             if lost.iter().chain(&found).any(|other| at.abs_diff(*other) < line) {
                 return None;
@@ -276,11 +276,11 @@ impl Capture {
 /// The place of a lost or additional trigger that explains most, and whether it is lost. Before and behind it the lines agree.
 fn next_trigger(rows: &RootRows, from: &[Option<usize>], line: usize) -> Option<(usize, bool)> {
     let count = from.len();
-    let three = |at: [Option<usize>; 3]| -> Option<[usize; 3]> {
-        let pair = |at: Option<usize>| *from.get(at?)?;
-        Some([pair(at[0])?, pair(at[1])?, pair(at[2])?])
+    let pair = |at: Option<usize>| *from.get(at?)?;
+    let bend = |[a, b, c]: [Option<usize>; 3]| match [pair(a), pair(b), pair(c)] {
+        [Some(a), Some(b), Some(c)] => rows.bend([a, b, c]),
+        _ => f64::NAN,
     };
-    let bend = |at| three(at).map(|three| rows.bend(three));
     let candidates = [true, false].into_par_iter().filter_map(|is_lost| {
         let later = |at: usize| if is_lost { at.checked_sub(1) } else { Some(at + 1) };
         // Where the point above alone, or the point itself, too, is before the trigger.
@@ -289,10 +289,7 @@ fn next_trigger(rows: &RootRows, from: &[Option<usize>], line: usize) -> Option<
             .map(|at| {
                 let (above, below) = (at.checked_sub(line), later(at + line));
                 let before = bend([above, Some(at), Some(at + line)]);
-                let gain = |middle| match (before, bend([above, middle, below])) {
-                    (Some(before), Some(after)) => [before, after],
-                    _ => [0.0; 2],
-                };
+                let gain = |middle| [before, bend([above, middle, below])];
                 [gain(later(at)), gain(Some(at))]
             })
             .collect();
