@@ -1,5 +1,5 @@
-//! What settings and files say of the instrument: the light of the empty room, a calibration, the position of a device. Each is undone
-//! first, unless held-out pairs contradict it.
+//! What settings, files and the counts themselves say of the instrument: the light of the empty room, a calibration, the position of a
+//! device, a peak that all pairs share. Each is undone first, if held-out pairs allow it.
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;
@@ -12,6 +12,7 @@ use super::estimate::held;
 use super::finding::{CaptureFinding, FindingSource};
 use super::job::Job;
 use crate::capture::{Capture, GainLaw, gain};
+use crate::engine::noise::variance_per_count;
 use crate::engine::{Progress, room_light, without_room};
 use crate::gpu::Gpu;
 use crate::methods::SolverOptions;
@@ -48,7 +49,7 @@ pub fn given<'c>(
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Job<'c>> {
     let clock = Instant::now();
-    for offered in [empty_room, calibration, device] {
+    for offered in [empty_room, shared, calibration, device] {
         if let Some(offer) = offered(&job)?.filter(|_| job.has_light()) {
             job = tried(job, offer, gpu, hear)?;
             job.estimates.seconds = clock.elapsed().as_secs_f64();
@@ -65,13 +66,14 @@ fn tried<'c>(
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Job<'c>> {
     let Offer { mut finding, without, mut versions } = offer;
-    let is_room = finding.source == FindingSource::Empty;
-    if is_room {
+    let [is_room, is_searched] =
+        [FindingSource::Empty, FindingSource::Searched].map(|source| finding.source == source);
+    if is_room || is_searched {
         // Shadows are negative; the capture is what it was.
         job.settings.preset = Some(job.preset);
     }
     let is_judged = matches!(job.solver, SolverOptions::Surface(_));
-    let is_asked = finding.source != FindingSource::Named;
+    let is_asked = !is_searched && finding.source != FindingSource::Named;
     let mut chosen = (!versions.is_empty() && is_asked).then_some(0);
     if is_judged && !versions.is_empty() {
         let none = held(&job, &without, gpu, hear)?;
@@ -110,7 +112,9 @@ fn tried<'c>(
         None => job,
     };
     job.why = why;
-    job.estimates.findings.push(finding);
+    if finding.is_used || !is_searched {
+        job.estimates.findings.push(finding);
+    }
     Ok(job)
 }
 
@@ -151,6 +155,37 @@ fn empty_room(job: &Job<'_>) -> Result<Option<Offer>> {
         Version { name: "subtracted".into(), what, capture, gains: None }
     });
     Ok(Some(Offer { finding, without, versions: versions.into_iter().collect() }))
+}
+
+/// The subtraction of a peak that all pairs share.
+fn shared(job: &Job<'_>) -> Result<Option<Offer>> {
+    let capture = &*job.capture;
+    // What an empty room was subtracted from has none.
+    if !job.has_light() || !job.calibrates() || capture.noise.is_some() {
+        return Ok(None);
+    }
+    let per_count = variance_per_count(capture);
+    let Some(light) = capture.shared_light(per_count) else { return Ok(None) };
+    let (all, count) = (light.iter().sum::<f64>(), capture.pair_count() as f64);
+    let top = (0..capture.bins).max_by(|a, b| light[*a].total_cmp(&light[*b])).unwrap_or(0);
+    let path = capture.t_start + (top as f64 + 0.5) * capture.bin_width;
+    let share = all * count / capture.histograms.iter().map(|v| f64::from(*v)).sum::<f64>();
+    let what = format!(
+        "the same peak in every pair at a path of {path:.3} m, {:.1} % of the counts, as of a cover glass or the instrument's own light",
+        100.0 * share
+    );
+    let finding = CaptureFinding::new(
+        FindingSource::Searched,
+        what.clone(),
+        "take away what reflects it, or measure the empty room",
+    );
+    let mut left = capture.clone();
+    for row in left.histograms.chunks_exact_mut(capture.bins) {
+        row.iter_mut().zip(&light).for_each(|(v, light)| *v -= *light as f32);
+    }
+    (left.noise, left.integer_counts) = (Some([per_count, per_count * all / capture.bins as f64]), false);
+    let version = Version { name: "subtracted".into(), what, capture: left, gains: None };
+    Ok(Some(Offer { finding, without: capture.clone(), versions: vec![version] }))
 }
 
 /// The corrections of the file that is set.

@@ -20,6 +20,7 @@ pub mod negative;
 mod normals;
 mod pile_up;
 mod recorded;
+mod shared;
 mod sum;
 mod turn;
 mod units;
