@@ -12,7 +12,7 @@ use super::estimate::held;
 use super::finding::{CaptureFinding, FindingSource};
 use super::job::Job;
 use crate::capture::{Capture, GainLaw, gain};
-use crate::engine::noise::variance_per_count;
+use crate::engine::noise::{background, variance_per_count};
 use crate::engine::{Progress, room_light, without_room};
 use crate::gpu::Gpu;
 use crate::methods::SolverOptions;
@@ -179,11 +179,13 @@ fn shared(job: &Job<'_>) -> Result<Option<Offer>> {
         what.clone(),
         "take away what reflects it, or measure the empty room",
     );
-    let mut left = capture.clone();
+    // Counts with a noise of their own are those of the scene alone.
+    let (mut left, ground) = (capture.clone(), background(capture));
     for row in left.histograms.chunks_exact_mut(capture.bins) {
-        row.iter_mut().zip(&light).for_each(|(v, light)| *v -= *light as f32);
+        row.iter_mut().zip(&light).for_each(|(v, light)| *v -= (light + ground) as f32);
     }
-    (left.noise, left.integer_counts) = (Some([per_count, per_count * all / capture.bins as f64]), false);
+    let floor = per_count * (all / capture.bins as f64 + ground);
+    (left.noise, left.integer_counts) = (Some([per_count, floor]), false);
     let version = Version { name: "subtracted".into(), what, capture: left, gains: None };
     Ok(Some(Offer { finding, without: capture.clone(), versions: vec![version] }))
 }

@@ -9,7 +9,7 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Poisson};
 use thirdbounce::capture::Capture;
 use thirdbounce::engine::{Accumulation, Problem, Reconstruction, Watch, background, variances};
-use thirdbounce::gpu::Gpu;
+use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::judge::preset_for;
 use thirdbounce::maps::Truth;
 use thirdbounce::measure::{Metrics, metrics};
@@ -17,6 +17,7 @@ use thirdbounce::methods::SolverOptions;
 use thirdbounce::options::{Preset, SceneTraits};
 use thirdbounce::simulate::{Dark, RenderOptions, Scene, simulate, truth};
 use thirdbounce::transport::Grid;
+use thirdbounce::{Settings, reconstruct};
 
 const LATERAL: usize = 32;
 const DARK: f64 = 6.0;
@@ -202,4 +203,32 @@ fn the_noise_that_is_left_is_told_from_that_of_the_light() {
     assert!(
         (scaled_light / light / 0.01 - 1.0).abs() < 1e-3 && (scaled_empty / empty / 1e-4 - 1.0).abs() < 1e-3
     );
+}
+
+/// A cover glass: half of the counts are in the same three bins of every pair.
+#[test]
+fn a_peak_that_all_pairs_share_is_subtracted_and_named() {
+    let gpu = Gpu::open(&GpuOptions::default()).expect("a device");
+    let ([proper, _], truth) = captures();
+    let settings = Settings::from_texts([("lateral", "32"), ("deterministic", "true")]).unwrap();
+    let of = |capture: &Capture| {
+        let result = reconstruct(&gpu, capture, &settings).unwrap();
+        let verdict = result.verdict.expect("a verdict");
+        let is_told = verdict.reasons.iter().any(|reason| reason.contains("the same peak in every pair"));
+        (metrics(&result.maps, &truth, None).unwrap().iou.expect("an IoU"), is_told)
+    };
+    let (iou, is_told) = of(&proper);
+    assert!(!is_told, "a proper capture");
+    let mut random = rand_pcg::Pcg64::seed_from_u64(4);
+    let middle = (1.4 / proper.bin_width) as usize;
+    let behind_glass = changed(&proper, |c| {
+        for row in c.histograms.chunks_exact_mut(c.bins) {
+            for (bin, counts) in [(middle - 1, 25.0), (middle, 50.0), (middle + 1, 25.0)] {
+                let more: f64 = Poisson::new(counts).unwrap().sample(&mut random);
+                row[bin] += more as f32;
+            }
+        }
+    });
+    let (found, is_told) = of(&behind_glass);
+    assert!(is_told && found > iou - 0.05, "{found} of {iou}");
 }
