@@ -23,7 +23,7 @@ mod recorded;
 mod sum;
 mod turn;
 mod units;
-mod warnings;
+pub(crate) mod warnings;
 
 pub use background::Background;
 pub use empty::{RoomGain, RoomLight};

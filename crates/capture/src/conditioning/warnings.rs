@@ -11,7 +11,7 @@ use crate::data::{Capture, PairKind};
 /// A bin counts as signal above this share of the largest bin of its histogram.
 const SIGNAL: f32 = 0.3;
 /// Up to this share of all counts may come too early without a warning.
-const EARLY: f64 = 0.01;
+pub(crate) const EARLY: f64 = 0.01;
 /// Standard errors by which the least of many means may be too low.
 const CHANCE: f64 = 4.0;
 /// First light that curves more than this many times as strongly as the light of a point is not due to rounding.
@@ -146,10 +146,19 @@ impl Capture {
 
     /// The share of the counts, less dark counts, that come before light can arrive.
     fn early_share(&self) -> f64 {
+        let sides = self.laser.iter().zip(&self.sensor);
+        self.share_before(&sides.map(|(laser, sensor)| laser.distance(*sensor)).collect::<Vec<_>>())
+    }
+
+    /// The share of the counts, less dark counts, that come before these paths of the pairs, metres. NaN: an unknown path.
+    pub(crate) fn share_before(&self, paths: &[f64]) -> f64 {
         let (mut early, mut total, mut bins) = (0.0, 0.0, 0);
         let totals = self.of_rows(sum);
         for (pair, histogram) in self.histograms.chunks_exact(self.bins).enumerate() {
-            let straight = self.laser[pair].distance(self.sensor[pair]);
+            let straight = paths[pair];
+            if straight.is_nan() || totals[pair].is_nan() {
+                continue;
+            }
             // A bin that ends later may hold light.
             let first = ((straight - self.t_start) / self.bin_width).floor().max(0.0);
             let first = (first as usize).saturating_sub(1).min(self.bins);
