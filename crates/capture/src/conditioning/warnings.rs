@@ -66,6 +66,13 @@ impl Capture {
                 self.pair_count()
             ));
         }
+        if self.is_a_line() {
+            warnings.push(
+                "all points of the scan lie on a line: they determine the position along it and the distance from it alone, and maps show \
+                 no picture (scan an area)"
+                    .into(),
+            );
+        }
         let empty = self.of_rows(|h| h.iter().all(|v| *v == 0.0)).into_iter().filter(|dark| *dark).count();
         if 2 * empty > self.pair_count() {
             warnings.push(format!("{empty} of {} histograms hold no count", self.pair_count()));
@@ -245,6 +252,16 @@ mod tests {
         let counts = (0..256 * 200).map(|i| count(i % 200)).collect();
         let made = Capture::new([16; 2], vec![DVec3::ZERO; 256], points, 200, 0.01, counts);
         Capture { integer_counts: true, ..made }
+    }
+
+    #[test]
+    fn points_on_a_line_are_told() {
+        let on_a_line = |capture: &Capture| capture.warnings().iter().any(|w| w.contains("lie on a line"));
+        let area = photons(1.2, 1000.0, 1.0);
+        let mut line = area.keep(&(0..16).collect::<Vec<_>>(), [16, 1]);
+        assert!(!on_a_line(&area) && !on_a_line(&line), "one laser beside a line");
+        line.laser.clone_from(&line.sensor);
+        assert!(on_a_line(&line));
     }
 
     #[test]

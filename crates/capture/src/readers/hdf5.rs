@@ -490,7 +490,9 @@ fn stored(name: &str, dataset: &H5Dataset) -> Result<StoredType> {
     let is_integer = match datatype {
         DatatypeMessage::FloatingPoint { .. } if size > size_of::<f64>() => {
             return Err(Error::input(
-                format!("dataset {name} holds long doubles, real numbers of {size} bytes, which are not read"),
+                format!(
+                    "dataset {name} holds long doubles, real numbers of {size} bytes, which are not read"
+                ),
                 format!("store {name} as float64"),
             ));
         }
