@@ -36,7 +36,7 @@ use crate::files::array::transpose;
 use crate::files::atomic;
 use crate::{Capture, host};
 
-/// Direct light may come this much before path 0, metres: three times as wide an impulse response (100 ps) as that of slow SPADs.
+/// Direct light may come this much before path 0, metres (334 ps): impulse responses of published captures are 30 to 200 ps wide.
 const SPREAD: f64 = 0.1;
 /// The array that shows y-tal's content.
 pub(super) const SENSOR_POINTS: &str = "sensor_grid_xyz";
