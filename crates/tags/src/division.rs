@@ -158,6 +158,8 @@ fn bit(marker: u32) -> Result<u16> {
     ))
 }
 
+const LEFT_OUT: &str = "left out (say how many lines come before those of the scan to leave the first out)";
+
 /// Begin and end of what `start` begins, in rounds of `scanned`, after `before` others that are left out: `frame` begins a round, or a
 /// full one does.
 fn rounds(
@@ -219,8 +221,7 @@ fn rounds(
     let more = rounds.iter().filter(|round| round.len() > count).count();
     if more > 0 {
         notes.push(format!(
-            "marker {start} begins more than the {count} that the scan has, in {more} rounds: the last of each are left out (say how many \
-             lines come before those of the scan to leave the first out)"
+            "marker {start} begins more than the {count} that the scan has, in {more} rounds: the last of each are {LEFT_OUT}"
         ));
     }
     rounds.iter_mut().for_each(|round| round.truncate(count));
@@ -230,11 +231,10 @@ fn rounds(
             notes
                 .push(format!("{} of {all} rounds of the scan were not whole and are left out", all - whole));
         }
-        let over = rounds.last().map_or(0, Vec::len);
         if frames.is_none() && all == 2 && whole == 1 {
             notes.push(format!(
-                "marker {start} begins {over} more than the {count} that the scan has: the last are left out (say how many lines come \
-                 before those of the scan to leave the first out)"
+                "marker {start} begins {} more than the {count} that the scan has: the last are {LEFT_OUT}",
+                rounds.last().map_or(0, Vec::len)
             ));
         }
         if frames.is_none() && whole > 1 && whole < all {

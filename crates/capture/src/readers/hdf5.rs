@@ -396,7 +396,7 @@ impl Hdf5 {
                 _ => {
                     let stored = stored(name, &dataset)?;
                     let values = match stored.is_integer {
-                        true => dataset.read_numeric_as().map(|v| in_double(v)),
+                        true => dataset.read_numeric_as().map(in_double),
                         false => dataset.read_numeric_as(),
                     };
                     let unpack = |v: f64| stored.packing.map_or(v, |packing| packing.unpacked(v));

@@ -136,6 +136,11 @@ pub(super) fn read(source: &Documented, notes: &mut Vec<String>) -> Result<Captu
     if source.number("t_accounts_first_and_last_bounces")?.is_none_or(|flag| flag == 0.0) {
         return Ok(capture);
     }
+    without_legs(source, capture, notes)
+}
+
+/// The capture without the legs between devices and wall, unless its light comes before it can have gone them.
+fn without_legs(source: &Documented, capture: Capture, notes: &mut Vec<String>) -> Result<Capture> {
     // Pairs that were not measured are left out later; the rest must be valid.
     legs::check_measured(&capture)?;
     let legs = outer_legs(source, &capture)?;
