@@ -174,10 +174,8 @@ fn tell(watch: &mut Watch<'_>, point: &TracePoint, maps: Option<Maps>) -> Result
     let progress = Progress { doing: Doing::Solve, point: *point, iterations: 1, remaining: None, maps };
     match (watch.hear)(&progress) {
         ControlFlow::Continue(()) => Ok(()),
-        ControlFlow::Break(()) => Err(Error::new(
-            Kind::Cancelled,
-            "cancelled by the caller before the volume was there",
-            "run it again",
-        )),
+        ControlFlow::Break(()) => {
+            Err(Error::new(Kind::Cancelled, "cancelled before the volume was complete", "run it again"))
+        }
     }
 }

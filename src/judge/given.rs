@@ -139,7 +139,7 @@ fn empty_room(job: &Job<'_>) -> Result<Option<Offer>> {
     let mut finding = CaptureFinding::new(
         FindingSource::Empty,
         format!("{what}: no gain makes its light a part of the capture's"),
-        "it has to show the same place with the same exposure, without the object, and for long enough",
+        "it has to show the same place in the same light, turned alike, without the object",
     );
     let versions = without_room(&job.capture, &light).map(|(gain, capture)| {
         let all = || gain.of_pair.iter().copied();

@@ -10,7 +10,7 @@ use crate::{Grade, Verdict};
 /// Gives a result its verdict, and its warnings those of the capture. Where the result is poor, its warnings have the first reason, too.
 pub fn grade(job: &Job<'_>, result: &mut Reconstruction) {
     let mut verdict = job.verdict.clone();
-    // The last word counts, not the first one.
+    // That of the conclusion replaces that of the start.
     if let Some(iou) = result.evidence.as_ref().map(|evidence| evidence.expected_iou) {
         let verdict = Arc::make_mut(&mut verdict);
         // What light no surface explains, no pixel is right by.

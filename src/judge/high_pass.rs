@@ -49,16 +49,21 @@ impl FoundHighPass {
     /// The result as a sentence.
     pub fn note(&self) -> String {
         let FoundHighPass { length, floor, left: [slow, _] } = self;
-        let what = match *length {
-            0.0 => "light counts alike however slowly it changes along time".into(),
-            _ => format!(
-                "light that changes over more than {length:.3} m of path counts {floor:.2} times as much as other light"
-            ),
+        let beside = if *slow < MOST {
+            format!(": {slow:.1} times photon noise remains of them")
+        } else {
+            String::new()
         };
-        format!(
-            "{what}: a fit leaves {slow:.1} times as much of it in pairs that it has not seen as of noise (give the length of the \
-             high-pass to skip the trial)"
-        )
+        match *length {
+            0.0 => format!(
+                "no high-pass: slow parts of the histograms fit as well as others do{beside} (give the length of the high-pass to skip the \
+                 trial)"
+            ),
+            _ => format!(
+                "high-pass: slow parts of the histograms, over more than {length:.3} m of path, are weighed {floor:.2}, as they fit badly \
+                 in held-out pairs{beside} (a high-pass of length 0 turns this off)"
+            ),
+        }
     }
 }
 

@@ -16,7 +16,8 @@ fn file(name: &str) -> PathBuf {
 
 #[test]
 fn the_same_keys_in_every_container() {
-    for name in ["keys_scipy.mat", "keys_hdf5storage.mat", "keys_h5py.h5"] {
+    for name in ["keys_scipy.mat", "keys_hdf5storage.mat", "keys_h5py.h5", "keys_octave.h5", "keys_xarray.nc"]
+    {
         let c = read(&file(name)).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!((c.scan, c.bins, c.bin_width, c.t_start), ([3, 2], 5, 0.02, 0.3), "{name}");
         assert_eq!(c.sensor[5], dvec3(0.2, 0.1, 0.0), "{name}");
@@ -27,6 +28,11 @@ fn the_same_keys_in_every_container() {
         let pulse = Pulse::read(&file(name)).unwrap();
         assert_eq!((pulse.samples, pulse.width), (vec![1.0, 2.0, 1.0], 0.01), "{name}");
     }
+    assert_error(
+        read(&file("long_double.h5")),
+        Kind::Input,
+        &["dataset H holds long doubles", "16 bytes", "float64"],
+    );
     // The error names the missing array and those of the file.
     let (_folder, path) = place("made.h5");
     let h = matrix("H", &[2, 3, 5], |_| 1.0);

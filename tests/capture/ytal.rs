@@ -166,6 +166,15 @@ fn ytal_outer_legs_are_removed() {
     let centre: f64 =
         (0..c.bins).map(|b| f64::from(first[b]) * (c.t_start + (b as f64 + 0.5) * c.bin_width)).sum();
     assert!((centre / 4.0 - (2.55 - 2.06)).abs() < 1e-6, "{centre}");
+    // Light before it can have gone the legs: the flag is wrong, and they stay.
+    let mut inner = vec![0.0; 40 * 2];
+    inner[2 * 2] = 4.0;
+    inner[7 * 2 + 1] = 8.0;
+    ytal(&path, 1, &[40, 2, 1], &inner, &points, &points, Some([0.0, 0.0, -1.4]));
+    let opened = thirdbounce::capture::read_with_notes(&path).unwrap();
+    let notes = opened.notes.join(" ");
+    assert!(notes.contains("100 % of the light comes before"), "{notes}");
+    assert_eq!((opened.capture.t_start, opened.capture.histograms[2]), (2.0, 4.0));
     // Without devices the legs are unknown.
     ytal(&path, 1, &[20, 2, 1], &h, &points, &points, None);
     assert_error(read(&path), Kind::Input, &["laser_xyz", "t_accounts_first_and_last_bounces"]);

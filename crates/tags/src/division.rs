@@ -77,21 +77,22 @@ impl Division {
         Some(Division::Lines { start: start?, stop, frame })
     }
 
-    /// The laser pulses of `points` points, round by round. `per_line`: points of a line. Notes say what was left out.
+    /// The laser pulses of `points` points, round by round, without lines, or points, `before` those of the scan. `per_line`: points of
+    /// a line. Notes say what was left out.
     ///
     /// # Errors
     /// `Kind::Options` or `Kind::Input` if not every point has its laser pulses.
     pub(super) fn spans(
         &self,
         survey: &Survey,
-        points: usize,
+        [points, before]: [usize; 2],
         per_line: Option<usize>,
         course: &FindCourse,
         notes: &mut Vec<String>,
     ) -> Result<Vec<Span>> {
         let rounds = match self {
             Division::Pixels { marker, frame } => {
-                let mut rounds = rounds(survey, *marker, None, *frame, points, notes)?;
+                let mut rounds = rounds(survey, *marker, None, *frame, [points, before], notes)?;
                 cut_pauses(&mut rounds, survey.pulses, notes);
                 check_short(&rounds, *marker, points, survey)?;
                 rounds
@@ -108,7 +109,7 @@ impl Division {
                 if let (None, Division::Lines { stop: Some(stop), .. }) = (stop, self) {
                     notes.push(format!("there is no marker {stop}, which ends a line"));
                 }
-                let mut lines = rounds(survey, *start, stop, *frame, points / per_line, notes)?;
+                let mut lines = rounds(survey, *start, stop, *frame, [points / per_line, before], notes)?;
                 if stop.is_none() {
                     cut_pauses(&mut lines, survey.pulses, notes);
                 }
@@ -157,16 +158,19 @@ fn bit(marker: u32) -> Result<u16> {
     ))
 }
 
-/// Begin and end of what `start` begins, in rounds of `count`: `frame` begins a round, or a full one does. Rounds that are
-/// not full are among them.
+const LEFT_OUT: &str = "left out (say how many lines come before those of the scan to leave the first out)";
+
+/// Begin and end of what `start` begins, in rounds of `scanned`, after `before` others that are left out: `frame` begins a round, or a
+/// full one does.
 fn rounds(
     survey: &Survey,
     start: u32,
     stop: Option<u32>,
     frame: Option<u32>,
-    count: usize,
+    [scanned, before]: [usize; 2],
     notes: &mut Vec<String>,
 ) -> Result<Rounds> {
+    let count = scanned.saturating_add(before);
     let begins = bit(start)?;
     let ends = stop.filter(|stop| *stop != start).map(bit).transpose()?;
     let first_frame = |bit: u16| survey.markers.iter().position(|m| m.1 & bit > 0);
@@ -217,7 +221,7 @@ fn rounds(
     let more = rounds.iter().filter(|round| round.len() > count).count();
     if more > 0 {
         notes.push(format!(
-            "marker {start} begins more than the {count} that the scan has, in {more} rounds: the rest of each is left out"
+            "marker {start} begins more than the {count} that the scan has, in {more} rounds: the last of each are {LEFT_OUT}"
         ));
     }
     rounds.iter_mut().for_each(|round| round.truncate(count));
@@ -227,10 +231,17 @@ fn rounds(
             notes
                 .push(format!("{} of {all} rounds of the scan were not whole and are left out", all - whole));
         }
+        if frames.is_none() && all == 2 && whole == 1 {
+            notes.push(format!(
+                "marker {start} begins {} more than the {count} that the scan has: the last are {LEFT_OUT}",
+                rounds.last().map_or(0, Vec::len)
+            ));
+        }
         if frames.is_none() && whole > 1 && whole < all {
             notes.push("rounds are reported by their number of markers alone: if each has more of them, name the marker of frames, or they shift".into());
         }
         rounds.retain(|round| round.len() == count);
+        rounds.iter_mut().for_each(|round| drop(round.drain(..before)));
         return Ok(rounds);
     }
     let most = rounds.iter().map(Vec::len).max().unwrap_or(0);

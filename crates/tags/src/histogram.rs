@@ -47,6 +47,8 @@ pub struct Asked {
     pub line_time: Option<f64>,
     /// Points by which the photons of every second line of a scan in both directions come late; `None`: an estimate.
     pub line_shift: Option<f64>,
+    /// Lines, or points, of each round that come before those of the scan.
+    pub lines_before: usize,
     /// The detector; `None` takes the only one.
     pub channel: Option<i32>,
     /// Bin width in metres of path; `None` takes the instrument's ticks, or as many as 8 ps need.
@@ -334,13 +336,12 @@ fn of_tags(
     let course = |lines: &Rounds, ended: bool, notes: &mut Vec<String>| {
         course(tags, survey, detector.channel, scan, per_line.unwrap_or(1), asked, lines, ended, notes)
     };
-    let spans = division.spans(survey, scan.points(), per_line, &course, notes).map_err(|e| match &survey
-        .passed
-        .cut
-    {
-        Some(cut) => Error { what: format!("{cut}; {}", e.what), ..e },
-        None => e,
-    })?;
+    let spans = division
+        .spans(survey, [scan.points(), asked.lines_before], per_line, &course, notes)
+        .map_err(|e| match &survey.passed.cut {
+            Some(cut) => Error { what: format!("{cut}; {}", e.what), ..e },
+            None => e,
+        })?;
     let longest = asked.until.map_or(i64::MAX, |until| (until / tags.tick).ceil() as i64 - 1);
     let cells = (detector.longest.min(longest).max(0) / fine + 1) as usize;
     if survey.out_of_order > 0 {

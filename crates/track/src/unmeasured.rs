@@ -1,5 +1,5 @@
-//! The mean and the covariance of a position along directions that the pairs hardly measure: a sphere around one point, a circle about a
-//! line of points. There the likelihood is no Gaussian, and fits at places along these directions take its place.
+//! Mean and covariance of a position along directions that the pairs hardly determine: a sphere around one scan point, a circle about a
+//! line of them. The likelihood along these directions is not Gaussian: it is integrated over fits at fixed places along them.
 
 use glam::{DMat3, DVec3};
 
@@ -8,10 +8,10 @@ use crate::fit::{Expected, FittedBlobs, fit};
 use crate::sight::Sight;
 use crate::symmetric::{axes, block, square};
 
-/// A direction is hardly measured where its curvature moves the position by more than this share of the least standard deviation.
+/// Curvature of the likelihood's ridge from which on a direction counts as undetermined: displacement over the least standard deviation.
 const CURVED: f64 = 0.5;
-/// Places along one direction, and along each of two; how far they reach in standard deviations, and the standard deviation, as a share
-/// of the distance, from which on they reach all round.
+/// Number of places along one direction, and along each of two; their reach in standard deviations; the standard deviation, as a share of
+/// the distance, from which on they cover the whole circle.
 const PLACES: [usize; 2] = [41, 17];
 const FAR: f64 = 2.5;
 const ALL_ROUND: f64 = 0.3;

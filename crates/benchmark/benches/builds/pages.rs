@@ -32,7 +32,9 @@ pub fn parts(page: &Page) -> Vec<Part> {
     let cases = page.compared();
     let names: Vec<&str> = cases.iter().map(|case| case.name.as_str()).collect();
     let title = format!("Error against run time, means over {} cases", cases.len());
-    let about = format!("*{title} ({}); {}.{}*", names.join(", "), page.machine(), page.standing());
+    let standing = page.standing();
+    let short = format!("*{title}.{}.*", standing.split_once(';').map_or(&standing[..], |(first, _)| first));
+    let about = format!("*{title} ({}); {}.{}*", names.join(", "), page.machine(), standing);
     let picture = |path: &str| format!("![{title}]({path})");
     let limited = cases.iter().flat_map(|case| &case.sides).find(|side| side.limited);
     let limit = limited.map_or(String::new(), |side| {
@@ -41,7 +43,7 @@ pub fn parts(page: &Page) -> Vec<Part> {
     });
     vec![
         Part { file: CURVE, name: None, text: figure(&cases, &title, &[0, 1, 2, 3], true).svg() },
-        Part { file: "README.md", name: Some("benchmark"), text: format!("{}\n\n{about}\n", picture(CURVE)) },
+        Part { file: "README.md", name: Some("benchmark"), text: format!("{}\n\n{short}\n", picture(CURVE)) },
         Part {
             file: "docs/accuracy.md",
             name: Some("benchmark"),

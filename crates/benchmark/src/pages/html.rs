@@ -81,14 +81,12 @@ impl Page {
         let (Some(wins), Some(first)) = (wins(&cases), super::names(&cases).first().copied()) else {
             return String::new();
         };
+        let than = "the best closed form in the IoU of its own mask";
         let from = match wins.from {
-            Some(from) => format!("is above the best closed form of each case from {from:.2} s on"),
-            None => "ends below the best closed form of each case".into(),
+            Some(from) => format!("From {from:.2} s on, {first} exceeds {than}"),
+            None => format!("At the end, {first} is below {than}"),
         };
-        format!(
-            " By the IoU of its own mask, {first} {from}; the difference at the end is {:+.3}.",
-            wins.at_end
-        )
+        format!(" {from}; the difference at the end is {:+.3}.", wins.at_end)
     }
 
     /// Sentences on the table.

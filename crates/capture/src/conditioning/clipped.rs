@@ -20,8 +20,13 @@ impl Capture {
         };
         // Most captures end here, after one look at their counts for each.
         let at = if most < 2.0 { 0 } else { holds(most) };
-        let clipped = at >= LEAST && at > TIMES * holds(most - 1.0);
-        clipped.then(|| {
+        if at < LEAST || at <= TIMES * holds(most - 1.0) {
+            return None;
+        }
+        // Copies of one histogram hold its largest count as often.
+        let rows = |pair: &usize| *pair == 0 || self.histogram(*pair) != self.histogram(pair - 1);
+        let own = (0..self.pair_count()).filter(rows).flat_map(|pair| self.histogram(pair));
+        (own.filter(|v| **v == most).count() >= LEAST).then(|| {
             format!(
                 "{at} bins hold {most} counts and none more: a counter that is full cuts the light off there, and shapes suffer \
                  (measure for a shorter time, or with wider counters)"
@@ -38,6 +43,11 @@ mod tests {
     use rand_pcg::Pcg64;
 
     use super::*;
+
+    /// The first histogram for all pairs.
+    fn changed_to_copies(capture: Capture) -> Capture {
+        Capture { histograms: capture.histogram(0).repeat(64), ..capture }
+    }
 
     #[test]
     fn counts_that_end_at_one_number_are_told() {
@@ -56,6 +66,8 @@ mod tests {
         for (mean, most) in [(60.0, 1e9), (3.0, 1e9), (0.01, 1e9), (0.5, 1.0), (1e-9, 1e9)] {
             assert_eq!(capture(mean, most).clipped_note(), None, "{mean} {most}");
         }
+        let copies = changed_to_copies(capture(60.0, 1e9));
+        assert_eq!(copies.clipped_note(), None);
         let scaled = Capture { integer_counts: false, ..capture(60.0, 60.0) };
         assert_eq!(scaled.clipped_note(), None);
     }

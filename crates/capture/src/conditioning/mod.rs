@@ -24,7 +24,7 @@ mod shared;
 mod sum;
 mod turn;
 mod units;
-mod warnings;
+pub(crate) mod warnings;
 
 pub use background::Background;
 pub use empty::{RoomGain, RoomLight};
@@ -266,7 +266,10 @@ fn with_normals(state: &mut Conditioned, _: &Conditioning) -> Result<()> {
 fn scaled(state: &mut Conditioned, how: &Conditioning) -> Result<()> {
     if let Some(size) = how.wall {
         state.capture.set_wall(size)?;
-        state.note(format!("the wall is scaled so that its outermost scan points are {size} m apart"));
+        state.note(format!(
+            "the wall is scaled so that its outermost scan points are {} m apart",
+            (1e6 * size).round() / 1e6
+        ));
     }
     Ok(())
 }

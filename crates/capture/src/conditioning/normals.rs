@@ -42,6 +42,12 @@ impl Capture {
         })
     }
 
+    /// Whether all wall points of both sides lie on a line.
+    pub(super) fn is_a_line(&self) -> bool {
+        let points = self.laser.iter().chain(&self.sensor);
+        self.pair_count() >= 3 && self.outermost() > 0.0 && principal(points.map(|p| (1.0, *p))).is_none()
+    }
+
     /// Adds wall normals in place, as [`Capture::with_normals`] does, without a copy of the histograms.
     ///
     /// # Errors

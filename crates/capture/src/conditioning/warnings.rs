@@ -11,7 +11,7 @@ use crate::data::{Capture, PairKind};
 /// A bin counts as signal above this share of the largest bin of its histogram.
 const SIGNAL: f32 = 0.3;
 /// Up to this share of all counts may come too early without a warning.
-const EARLY: f64 = 0.01;
+pub(crate) const EARLY: f64 = 0.01;
 /// Standard errors by which the least of many means may be too low.
 const CHANCE: f64 = 4.0;
 /// First light that curves more than this many times as strongly as the light of a point is not due to rounding.
@@ -65,6 +65,13 @@ impl Capture {
                 "the signal is upside down in {upside_down} of {} histograms, {NEGATIVE_PULSES}: {UPRIGHT}",
                 self.pair_count()
             ));
+        }
+        if self.is_a_line() {
+            warnings.push(
+                "all points of the scan lie on a line: they determine the position along it and the distance from it alone, and maps show \
+                 no picture (scan an area)"
+                    .into(),
+            );
         }
         let empty = self.of_rows(|h| h.iter().all(|v| *v == 0.0)).into_iter().filter(|dark| *dark).count();
         if 2 * empty > self.pair_count() {
@@ -146,10 +153,19 @@ impl Capture {
 
     /// The share of the counts, less dark counts, that come before light can arrive.
     fn early_share(&self) -> f64 {
+        let sides = self.laser.iter().zip(&self.sensor);
+        self.share_before(&sides.map(|(laser, sensor)| laser.distance(*sensor)).collect::<Vec<_>>())
+    }
+
+    /// The share of the counts, less dark counts, that come before these paths of the pairs, metres. NaN: an unknown path.
+    pub(crate) fn share_before(&self, paths: &[f64]) -> f64 {
         let (mut early, mut total, mut bins) = (0.0, 0.0, 0);
         let totals = self.of_rows(sum);
         for (pair, histogram) in self.histograms.chunks_exact(self.bins).enumerate() {
-            let straight = self.laser[pair].distance(self.sensor[pair]);
+            let straight = paths[pair];
+            if straight.is_nan() || totals[pair].is_nan() {
+                continue;
+            }
             // A bin that ends later may hold light.
             let first = ((straight - self.t_start) / self.bin_width).floor().max(0.0);
             let first = (first as usize).saturating_sub(1).min(self.bins);
@@ -236,6 +252,16 @@ mod tests {
         let counts = (0..256 * 200).map(|i| count(i % 200)).collect();
         let made = Capture::new([16; 2], vec![DVec3::ZERO; 256], points, 200, 0.01, counts);
         Capture { integer_counts: true, ..made }
+    }
+
+    #[test]
+    fn points_on_a_line_are_told() {
+        let on_a_line = |capture: &Capture| capture.warnings().iter().any(|w| w.contains("lie on a line"));
+        let area = photons(1.2, 1000.0, 1.0);
+        let mut line = area.keep(&(0..16).collect::<Vec<_>>(), [16, 1]);
+        assert!(!on_a_line(&area) && !on_a_line(&line), "one laser beside a line");
+        line.laser.clone_from(&line.sensor);
+        assert!(on_a_line(&line));
     }
 
     #[test]

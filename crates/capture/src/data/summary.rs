@@ -157,11 +157,7 @@ impl std::fmt::Display for Summary {
             (false, _) => format!("curved or tilted, z {low:.d$} to {high:.d$} m"),
         };
         writeln!(f, "wall      x {x0:.d$} to {x1:.d$} m, y {y0:.d$} to {y1:.d$} m, {wall}")?;
-        writeln!(
-            f,
-            "          outermost points {:.d$} m apart, which a wall size that is set means",
-            self.wall_points_m
-        )?;
+        writeln!(f, "          outermost points {:.d$} m apart: the wall size to give", self.wall_points_m)?;
         let normals = match (self.laser_normals, self.sensor_normals) {
             _ if self.normals_estimated => "estimated from neighbouring points",
             (true, true) => "known",

@@ -249,6 +249,27 @@ np.savez("capture.npz", **{{**c, "H": H}})"#
     }
 }
 
+/// Bins of the histograms of PicoQuant's instruments (PicoHarp 300, HydraHarp 400: MAXHISTLEN): more than the points of a scan.
+const LONGEST: usize = 1 << 16;
+
+/// Which axis of a matrix of histograms is that of the points, and the scan where it is known: by `lists` of coordinates beside it, by
+/// the longest histograms, or as a square.
+pub(super) fn axis_of_points(sides: [usize; 2], lists: &[usize]) -> Option<(usize, [usize; 2])> {
+    let of_lists = || {
+        let pairs =
+            lists.iter().enumerate().flat_map(|(at, a)| lists[at + 1..].iter().map(move |b| [*a, *b]));
+        let mut axes =
+            pairs.filter_map(|pair| Some((sides.iter().position(|n| *n == pair[0] * pair[1])?, pair)));
+        axes.next()
+    };
+    let square = |axis: usize| {
+        let side = sides[axis].isqrt();
+        (side * side == sides[axis]).then_some((axis, [side; 2]))
+    };
+    let by_length = || square(1 - sides.iter().position(|n| *n == LONGEST)?);
+    of_lists().or_else(by_length).or_else(|| square(0)).or_else(|| square(1))
+}
+
 /// The error of counts that come alone, with the lines of Python that make a capture of them. `load`: the expression that reads
 /// them, of this shape.
 pub(super) fn alone(what: &str, load: &str, shape: &[usize]) -> Error {
@@ -257,7 +278,7 @@ pub(super) fn alone(what: &str, load: &str, shape: &[usize]) -> Error {
     }
     let known = of_tensor("t", shape).map(|h| format!("t = {load}; H = {h}"));
     // The longest of three axes is that of the bins.
-    let is_last = matches!(*shape, [x, y, t] if t > x.max(y));
+    let is_last = matches!(*shape, [_, LONGEST]) || matches!(*shape, [x, y, t] if t > x.max(y));
     let plain = || if is_last { format!("H = np.moveaxis({load}, -1, 0)") } else { format!("H = {load}") };
     let h = known.unwrap_or_else(plain);
     let points = match shape.len() {

@@ -1,13 +1,14 @@
 //! Arrays of an HDF5 file, by name. MATLAB v7.3 files are HDF5 after a user block.
 //!
-//! A dataset in a group is named `group/name`. Shapes are those of the file, in C order: MATLAB's dimensions are
-//! reversed.
+//! A dataset in a group is named `group/name`. Shapes are those of the file, in C order: MATLAB's and Octave's dimensions are
+//! reversed. Octave's `save -hdf5` stores a variable as a group with its `type` and `value`. Attributes of netCDF (`scale_factor`,
+//! `add_offset`, `_FillValue`) are applied.
 
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-use rust_hdf5::{ByteOrder, DatatypeMessage, H5Dataset, H5File, Hdf5Error, LinkClass};
+use rust_hdf5::{ByteOrder, DatatypeMessage, H5Dataset, H5File, Hdf5Error, LinkClass, ReadNumeric};
 
 use super::container::container;
 use super::counts::Counts;
@@ -31,6 +32,8 @@ pub struct Hdf5 {
     bytes: u64,
     /// The group that holds the arrays of a capture, with its slash: empty, unless its variables are in one.
     group: String,
+    /// Whether Octave wrote the file.
+    is_octave: bool,
 }
 
 /// An array of counts in a file.
@@ -43,12 +46,41 @@ pub(super) struct Hdf5Array {
     stored: StoredType,
 }
 
-/// How numbers are stored.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum StoredType {
-    Float,
-    Double,
-    Integer,
+/// How numbers are stored, and how netCDF packs them: value = stored * scale + offset, without stored fill values.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct StoredType {
+    is_integer: bool,
+    is_double: bool,
+    packing: Option<Packing>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Packing {
+    scale: f64,
+    offset: f64,
+    fill: f64,
+}
+
+impl Packing {
+    /// By the attributes of a dataset; `None` without them.
+    fn of(dataset: &H5Dataset) -> Option<Packing> {
+        let attribute = |name: &str| -> Option<f64> {
+            let attribute = dataset.attr(name).ok()?;
+            let whole = || Some(*attribute.read_numeric_as::<i64>().ok()?.first()? as f64);
+            attribute.read_numeric_as::<f64>().ok().and_then(|all| all.first().copied()).or_else(whole)
+        };
+        let found = ["scale_factor", "add_offset", "_FillValue"].map(attribute);
+        let [scale, offset, fill] = found;
+        found.iter().any(Option::is_some).then(|| Packing {
+            scale: scale.unwrap_or(1.0),
+            offset: offset.unwrap_or(0.0),
+            fill: fill.unwrap_or(f64::NAN),
+        })
+    }
+
+    fn unpacked(&self, stored: f64) -> f64 {
+        if stored == self.fill { f64::NAN } else { stored * self.scale + self.offset }
+    }
 }
 
 pub(super) fn damaged(e: impl std::fmt::Display) -> Error {
@@ -87,18 +119,26 @@ impl Hdf5 {
     pub fn open(path: &Path) -> Result<Hdf5> {
         let bytes = std::fs::metadata(path).map_or(0, |m| m.len());
         let file = guarded(|| H5File::options().no_locking().open(path).map_err(damaged))?;
-        let whole = Hdf5 { file, path: path.to_path_buf(), bytes, group: String::new() };
+        // Octave marks the group of every variable.
+        let first = || file.root_group().group(file.root_group().group_names().ok()?.first()?).ok();
+        let marks = guarded(|| Ok(first().and_then(|group| group.attr_names().ok())))?;
+        let is_octave = marks.is_some_and(|marks| marks.iter().any(|mark| mark == "OCTAVE_NEW_FORMAT"));
+        let whole = Hdf5 { file, path: path.to_path_buf(), bytes, group: String::new(), is_octave };
         let group = guarded(|| Ok(container(&whole.names())))?.unwrap_or_default();
         Ok(Hdf5 { group, ..whole })
     }
 
     /// The name of a dataset in the file.
     fn full(&self, name: &str) -> String {
-        let inside = format!("{}{name}", self.group);
+        let stored = |name: &str| match self.is_octave {
+            true => name.split('/').flat_map(|part| [part, "value"]).collect::<Vec<_>>().join("/"),
+            false => name.into(),
+        };
+        let inside = stored(&format!("{}{name}", self.group));
         if !self.group.is_empty() && self.file.dataset_names().contains(&inside) {
             inside
         } else {
-            name.into()
+            stored(name)
         }
     }
 
@@ -122,10 +162,11 @@ impl Hdf5 {
         cells
     }
 
-    /// Whether a program of MATLAB wrote the file, whose shapes it shows reversed: its text comes before HDF5, or its name ends
+    /// Whether MATLAB or Octave wrote the file, whose shapes it shows reversed: MATLAB's text comes before HDF5, or its name ends
     /// in .mat.
     pub(super) fn in_matlab_order(&self) -> bool {
-        self.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat"))
+        self.is_octave
+            || self.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat"))
             || std::fs::File::open(&self.path).is_ok_and(|mut file| {
                 let mut head = [0; 6];
                 std::io::Read::read_exact(&mut file, &mut head).is_ok() && &head == b"MATLAB"
@@ -143,6 +184,13 @@ impl Hdf5 {
         let leaves = |name: &String| matches!(root.link_class(name), Ok(LinkClass::External { .. }));
         let mut names = self.file.dataset_names();
         names.extend(root.link_names().unwrap_or_default().into_iter().filter(leaves));
+        if self.is_octave {
+            // NAME/value, and NAME/value/FIELD/value of a struct.
+            names.retain(|name| name.ends_with("/value") && name.split('/').count() % 2 == 0);
+            names.iter_mut().for_each(|name| {
+                *name = name.split('/').step_by(2).collect::<Vec<_>>().join("/");
+            });
+        }
         for name in &mut names {
             if let Some(bare) = name.strip_prefix(&self.group).filter(|_| !self.group.is_empty()) {
                 *name = bare.into();
@@ -172,9 +220,12 @@ impl Hdf5 {
             Err(Hdf5Error::NotFound(_)) => return Ok(None),
             Err(e) => return Err(failed(name, e)),
         };
-        // MATLAB stores the size of an empty array as its value.
-        let marked = dataset.attr("MATLAB_empty").and_then(|mark| mark.read_numeric_as::<i64>());
-        let empty = marked.is_ok_and(|mark| mark.iter().any(|mark| *mark != 0));
+        // MATLAB and Octave store the size of an empty array as its value.
+        let is_marked = |name: &str| {
+            let marked = dataset.attr(name).and_then(|mark| mark.read_numeric_as::<i64>());
+            marked.is_ok_and(|mark| mark.iter().any(|mark| *mark != 0))
+        };
+        let empty = is_marked("MATLAB_empty") || is_marked("OCTAVE_EMPTY_MATRIX");
         if empty || dataset.is_null() || dataset.shape().contains(&0) {
             return Ok(None);
         }
@@ -238,13 +289,8 @@ impl Hdf5 {
         guarded(|| {
             let Some(dataset) = self.dataset(name)? else { return Ok(None) };
             self.ask(name, &dataset, &dataset.shape())?;
-            let values = match stored(name, &dataset)? {
-                StoredType::Double => dataset.read_numeric_as().map(narrowed),
-                StoredType::Float => dataset.read_numeric_as(),
-                StoredType::Integer => dataset.read_numeric_as().map(counted),
-            };
-            let values = values.map_err(|e| failed(name, e))?;
             let shape = dataset.shape();
+            let values = values(&dataset, stored(name, &dataset)?, None).map_err(|e| failed(name, e))?;
             check_length(name, &shape, &values)?;
             Ok(Some(Counts { shape, values }))
         })
@@ -278,11 +324,7 @@ impl Hdf5 {
             let changed = || damaged(format!("dataset {name} is gone"));
             let dataset = self.dataset(name)?.ok_or_else(changed)?;
             self.ask(name, &dataset, counts)?;
-            let values = match array.stored {
-                StoredType::Double => dataset.read_numeric_slice_as(starts, counts).map(narrowed),
-                StoredType::Float => dataset.read_numeric_slice_as(starts, counts),
-                StoredType::Integer => dataset.read_numeric_slice_as(starts, counts).map(counted),
-            };
+            let values = values(&dataset, array.stored, Some([starts, counts]));
             let values = values.map_err(|e| failed(name, e))?;
             check_length(name, counts, &values)?;
             Ok(values)
@@ -308,11 +350,9 @@ impl Hdf5 {
             self.ask(name, &dataset, &[count])?;
             let (from, to) = ([start], [count]);
             let rounded = |values: Vec<f64>| values.into_iter().map(|v| v.round() as i64).collect();
-            let values: std::result::Result<Vec<i64>, _> = match stored(name, &dataset)? {
-                StoredType::Integer => dataset.read_numeric_slice_as(&from, &to),
-                StoredType::Float | StoredType::Double => {
-                    dataset.read_numeric_slice_as(&from, &to).map(rounded)
-                }
+            let values: std::result::Result<Vec<i64>, _> = match stored(name, &dataset)?.is_integer {
+                true => dataset.read_numeric_slice_as(&from, &to),
+                false => dataset.read_numeric_slice_as(&from, &to).map(rounded),
             };
             let values = values.map_err(|e| failed(name, e))?;
             match values.len() == count {
@@ -350,14 +390,18 @@ impl Hdf5 {
             self.ask(name, &dataset, &shape)?;
             let wrong = |e: Hdf5Error| failed(name, e);
             let values: Vec<f64> = match dataset.datatype().map_err(wrong)? {
-                DatatypeMessage::FloatingPoint { .. } => dataset.read_numeric_as().map_err(wrong)?,
-                DatatypeMessage::FixedPoint { .. } | DatatypeMessage::BitField { .. } => {
-                    dataset.read_numeric_as::<i64>().map_err(wrong)?.into_iter().map(|v| v as f64).collect()
-                }
                 DatatypeMessage::Enum { base, .. } => {
                     enum_values(&base, &dataset.read_raw_bytes().map_err(wrong)?)
                 }
-                other => return Err(no_number(name, &other)),
+                _ => {
+                    let stored = stored(name, &dataset)?;
+                    let values = match stored.is_integer {
+                        true => dataset.read_numeric_as().map(in_double),
+                        false => dataset.read_numeric_as(),
+                    };
+                    let unpack = |v: f64| stored.packing.map_or(v, |packing| packing.unpacked(v));
+                    values.map_err(wrong)?.into_iter().map(unpack).collect()
+                }
             };
             Ok((!values.is_empty()).then_some((shape, values)))
         })
@@ -442,20 +486,59 @@ fn elsewhere(name: &str, how: &str) -> Error {
 /// How the numbers of a dataset are stored.
 fn stored(name: &str, dataset: &H5Dataset) -> Result<StoredType> {
     let datatype = dataset.datatype().map_err(|e| failed(name, e))?;
-    match datatype {
-        DatatypeMessage::FloatingPoint { .. } if dataset.element_size() == 8 => Ok(StoredType::Double),
-        DatatypeMessage::FloatingPoint { .. } => Ok(StoredType::Float),
-        DatatypeMessage::FixedPoint { .. } | DatatypeMessage::BitField { .. } => Ok(StoredType::Integer),
-        other => Err(no_number(name, &other)),
+    let size = dataset.element_size();
+    let is_integer = match datatype {
+        DatatypeMessage::FloatingPoint { .. } if size > size_of::<f64>() => {
+            return Err(Error::input(
+                format!(
+                    "dataset {name} holds long doubles, real numbers of {size} bytes, which are not read"
+                ),
+                format!("store {name} as float64"),
+            ));
+        }
+        DatatypeMessage::FloatingPoint { .. } => false,
+        DatatypeMessage::FixedPoint { .. } | DatatypeMessage::BitField { .. } => true,
+        other => return Err(no_number(name, &other)),
+    };
+    let is_double = !is_integer && size == size_of::<f64>();
+    Ok(StoredType { is_integer, is_double, packing: Packing::of(dataset) })
+}
+
+/// The values of a dataset, or of a part of it: starts and counts.
+fn values(
+    dataset: &H5Dataset,
+    stored: StoredType,
+    part: Option<[&[usize]; 2]>,
+) -> std::result::Result<Vec<f32>, Hdf5Error> {
+    fn read<T: ReadNumeric>(
+        dataset: &H5Dataset,
+        part: Option<[&[usize]; 2]>,
+    ) -> std::result::Result<Vec<T>, Hdf5Error> {
+        match part {
+            Some([starts, counts]) => dataset.read_numeric_slice_as(starts, counts),
+            None => dataset.read_numeric_as(),
+        }
     }
+    if let Some(packing) = stored.packing {
+        let values = match stored.is_integer {
+            true => in_double(read(dataset, part)?),
+            false => read(dataset, part)?,
+        };
+        return Ok(values.into_iter().map(|v| packing.unpacked(v) as f32).collect());
+    }
+    Ok(match stored {
+        StoredType { is_integer: true, .. } => {
+            read::<i64>(dataset, part)?.into_iter().map(|v| v as f32).collect()
+        }
+        StoredType { is_double: true, .. } => {
+            read::<f64>(dataset, part)?.into_iter().map(|v| v as f32).collect()
+        }
+        _ => read(dataset, part)?,
+    })
 }
 
-fn narrowed(values: Vec<f64>) -> Vec<f32> {
-    values.into_iter().map(|v| v as f32).collect()
-}
-
-fn counted(values: Vec<i64>) -> Vec<f32> {
-    values.into_iter().map(|v| v as f32).collect()
+fn in_double(values: Vec<i64>) -> Vec<f64> {
+    values.into_iter().map(|v| v as f64).collect()
 }
 
 fn check_length(name: &str, shape: &[usize], values: &[f32]) -> Result<()> {

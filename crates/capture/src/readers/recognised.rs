@@ -74,8 +74,8 @@ pub const GZIP: [u8; 2] = [0x1f, 0x8b];
 const LOOKED_AT: u64 = 1 << 15;
 const CONVERT: &str =
     "save it as .ptu in the instrument's software, or export the tags as text or arrays (channel, time)";
-/// Reads a table of numbers between commas, spaces or tabulators.
-const LOAD_TEXT: &str = r#"np.loadtxt([line.replace(",", " ") for line in open("FILE")], ndmin=2)"#;
+/// Reads a table of numbers between commas, spaces or tabulators, without lines of words.
+const LOAD_TEXT: &str = r#"np.loadtxt([s.replace(",", " ") for s in open("FILE") if s.lstrip()[:1] in "+-.0123456789"], ndmin=2)"#;
 const FROM_SOFTWARE: &str = "export the histograms as text (a row for each bin, a column for each point) or as an npy array [points, bins]";
 
 const fn row(
@@ -87,7 +87,7 @@ const fn row(
     Recognised { name, content, is, instead }
 }
 
-const ROWS: [Recognised; 19] = [
+const ROWS: [Recognised; 20] = [
     row(
         "a pointer of Git LFS in place of the file",
         Content::Other,
@@ -151,6 +151,12 @@ const ROWS: [Recognised; 19] = [
                 || h.lines.iter().any(|line| line.starts_with("aggregate ") && line.contains("bins:"))
         },
         "",
+    ),
+    row(
+        "a table of a TMF8829's log (#RAWBIN)",
+        Content::Other,
+        |h| h.has("#rawbin,"),
+        "give the log that the table was made of (.json or .json.gz) to `histogram`",
     ),
     row("time tags as text", Content::Tags, FileStart::names_tags, ""),
     row(

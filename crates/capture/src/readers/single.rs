@@ -110,8 +110,12 @@ const MATRIX: [usize; 2] = [1024, 16];
 /// The error of the largest matrix of a file without an array of three axes, as of pairs x bins.
 fn of_a_matrix(file: &Variables) -> Result<Option<Error>> {
     let mut largest: Option<(String, [usize; 2])> = None;
+    let mut lists = vec![];
     for name in file.names() {
         let sides: Vec<usize> = file.shape(&name)?.into_iter().flatten().filter(|n| *n > 1).collect();
+        if let [n] = sides[..] {
+            lists.push(n);
+        }
         let [a, b] = sides[..] else { continue };
         let is_larger = largest.as_ref().is_none_or(|(_, [c, d])| a.saturating_mul(b) > c * d);
         if is_larger && a.min(b) >= MATRIX[1] && a.saturating_mul(b) >= MATRIX[0] {
@@ -120,10 +124,9 @@ fn of_a_matrix(file: &Variables) -> Result<Option<Error>> {
     }
     Ok(largest.map(|(name, [a, b])| {
         let [first, second] = if file.in_matlab_order() { [b, a] } else { [a, b] };
-        let side = |n: usize| Some(n.isqrt()).filter(|side| side * side == n);
-        let scan = match (side(first), side(second)) {
-            (Some(n), _) | (None, Some(n)) => format!("--scan {n}x{n}"),
-            _ => "--scan with columns x rows, or a file with the points".into(),
+        let scan = match counts::axis_of_points([first, second], &lists) {
+            Some((_, [x, y])) => format!("--scan {x}x{y}"),
+            None => "--scan with columns x rows, or a file with the points".into(),
         };
         Error::input(
             format!("{name} is a matrix of {first} x {second}, as of pairs and bins, without the points of the scan"),

@@ -29,12 +29,15 @@ use super::exhaustive;
 use super::points::{check_places, compact, per_pair, squeezed, triples, unit};
 use super::variables::Variables;
 use crate::conditioning::legs;
+use crate::conditioning::warnings::EARLY;
 use crate::data::histogram_figures;
 use crate::error::{Error, Result};
 use crate::files::array::transpose;
 use crate::files::atomic;
 use crate::{Capture, host};
 
+/// Direct light may come this much before path 0, metres (334 ps): impulse responses of published captures are 30 to 200 ps wide.
+const SPREAD: f64 = 0.1;
 /// The array that shows y-tal's content.
 pub(super) const SENSOR_POINTS: &str = "sensor_grid_xyz";
 pub(super) const WANTED: &str = "y-tal's H, H_format, laser_grid_xyz, sensor_grid_xyz and delta_t, and optionally t_start, laser_grid_normals, \
@@ -133,10 +136,26 @@ pub(super) fn read(source: &Documented, notes: &mut Vec<String>) -> Result<Captu
     if source.number("t_accounts_first_and_last_bounces")?.is_none_or(|flag| flag == 0.0) {
         return Ok(capture);
     }
+    without_legs(source, capture, notes)
+}
+
+/// The capture without the legs between devices and wall, unless its light comes before it can have gone them.
+fn without_legs(source: &Documented, capture: Capture, notes: &mut Vec<String>) -> Result<Capture> {
     // Pairs that were not measured are left out later; the rest must be valid.
     legs::check_measured(&capture)?;
     let legs = outer_legs(source, &capture)?;
-    legs::remove(&capture, &legs)
+    let removed = legs::remove(&capture, &legs)?;
+    // Direct light of the wall, spread by the instrument, comes about path 0.
+    let share = capture.share_before(&legs.iter().map(|leg| leg - SPREAD).collect::<Vec<_>>());
+    if share <= EARLY {
+        return Ok(removed);
+    }
+    notes.push(format!(
+        "the flag t_accounts_first_and_last_bounces says that the first and last legs are in the times, but {:.0} % of the light comes \
+         before it can have gone them: the legs are not taken off (clear the flag, or correct laser_xyz and sensor_xyz)",
+        100.0 * share
+    ));
+    Ok(capture)
 }
 
 /// The layout of an `H_format`; of an unknown one, 0, by the axes of `H` and the numbers of laser and sensor points.

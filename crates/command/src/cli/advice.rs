@@ -15,7 +15,13 @@ pub fn text(advice: &Advice) -> String {
         Look::Capture => "`thirdbounce info`".into(),
         Look::Options => "`thirdbounce help reconstruct`".into(),
     };
-    advice.say(changed, found)
+    let said = advice.say(changed, found);
+    match cfg!(feature = "tags")
+        || !["`histogram`", "thirdbounce histogram"].iter().any(|verb| said.contains(verb))
+    {
+        true => said,
+        false => format!("{said}\nthis build has no `histogram`: install a package, or run `make build`"),
+    }
 }
 
 fn flag(setting: Setting) -> String {

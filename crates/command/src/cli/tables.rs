@@ -84,7 +84,8 @@ pub fn metrics(m: &Metrics) -> String {
     };
     let degrees = |v: Option<f64>| v.map_or("-".into(), |v| format!("{v:.1} degrees"));
     let best = match (m.best_iou, m.best_fraction, &m.at_best) {
-        (Some(iou), Some(fraction), Some(best)) => format!(
+        // A mask of its own may be better than any share of the brightest pixel.
+        (Some(iou), Some(fraction), Some(best)) if m.iou.is_none_or(|own| iou > own) => format!(
             "best      IoU {iou:.3} at mask fraction {fraction:.3}: completeness {}, depth MAE {}, normals {}\n",
             share(best.completeness),
             mm(best.depth_mae),
@@ -180,7 +181,10 @@ pub fn kernels(times: &[(&'static str, KernelTime)]) -> String {
 
 /// A number with four digits, with an exponent if that is shorter.
 pub fn number(v: f64) -> String {
-    if v == 0.0 || (1e-3..1e4).contains(&v.abs()) {
+    if v == 0.0 {
+        return "0".into();
+    }
+    if (1e-3..1e4).contains(&v.abs()) {
         let decimals = (3.0 - v.abs().max(1e-3).log10().floor()).clamp(0.0, 6.0) as usize;
         return format!("{v:.decimals$}");
     }

@@ -52,6 +52,15 @@ pub struct FromTags {
     /// Points by which photons of every second line come late, in scans with --snake [default: an estimate]
     #[arg(long, value_name = "POINTS", value_parser = number, help_heading = "Time tags")]
     line_shift: Option<f64>,
+    /// Lines (with --pixels: points) of each round before those of the scan, which are left out
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 0,
+        conflicts_with = "pulses_per_point",
+        help_heading = "Time tags"
+    )]
+    lines_before: u16,
     /// This marker begins each round of all points; rounds are added up
     #[arg(long, value_name = "MARKER", help_heading = "Time tags")]
     rounds: Option<u32>,
@@ -190,6 +199,7 @@ impl FromTags {
             division,
             line_time: self.line_time,
             line_shift: self.line_shift,
+            lines_before: self.lines_before.into(),
             channel: self.channel,
             bin_width,
             zero,

@@ -185,12 +185,12 @@ fn line(row: &TrackRow) -> String {
     let coordinates: Vec<String> =
         ["x", "y", "z"].iter().enumerate().map(|(k, name)| of(name, row.at[k], sigma[k])).collect();
     format!(
-        "{:<10} object {}: {} m, {} m, radius {:.3} m, {:.0} % of the light's evidence",
+        "{:<10} object {}: {} m, {} m, {}, {:.0} % of the light's evidence",
         row.frame,
         row.track,
         coordinates.join(", "),
         of("distance", row.distance[0], row.distance[1]),
-        row.extent[0],
+        if row.extent[0] < 5e-4 { "no size".into() } else { format!("radius {:.3} m", row.extent[0]) },
         100.0 * row.share
     )
 }

@@ -140,6 +140,11 @@ fn a_batch_ends_in_one_page() {
         [("name", "status"), ("bad", "failed"), ("earlier", "done"), ("one", "done"), ("two", "done")]
     );
     let residual = lines[0].iter().position(|cell| *cell == "residual").unwrap();
+    let grade = lines[0].iter().position(|cell| *cell == "verdict").unwrap();
+    let verdict = said.lines["a/two.npz"]["figures"]["verdict"].as_str().unwrap_or_default();
+    assert!(["good", "fair", "poor"].contains(&verdict) && lines[4][grade] == verdict, "{verdict} {lines:?}");
+    let page = std::fs::read_to_string(out.join("index.html")).unwrap();
+    assert!(page.contains(&format!("data-label=\"Verdict\" data-value=\"{verdict}\"")));
     let of_line = &said.lines["a/two.npz"]["figures"]["residual"];
     assert_eq!(lines[4][residual].parse::<f64>().ok(), of_line.as_f64());
     // What is there already has its figures, too.
@@ -150,7 +155,6 @@ fn a_batch_ends_in_one_page() {
         eprintln!("skipped: no chromium is installed");
         return;
     };
-    let page = std::fs::read_to_string(out.join("index.html")).unwrap();
     let click = "<script>document.querySelectorAll(\"th button\")[2].click()</script></html>";
     std::fs::write(out.join("index.sorted.html"), page.replace("</html>", click)).unwrap();
     let address = format!("file://{}", out.join("index.sorted.html").display());

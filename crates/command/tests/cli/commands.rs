@@ -230,6 +230,12 @@ fn the_host_needs_no_driver() {
         serde_json::from_str(&std::fs::read_to_string(format!("{out}/report.json")).unwrap()).unwrap();
     assert_eq!(report["device"]["kind"], "host");
     assert!(report["device"]["driver"].as_str().unwrap().ends_with(", 3 threads"), "{}", report["device"]);
+    // Schedulers set the threads of their workers; the option is stronger.
+    for (more, threads) in [(&[][..], ", 1 thread"), (&["--threads", "2"], ", 2 threads")] {
+        let mut command = Command::new(program());
+        let output = command.arg("devices").args(more).env("OMP_NUM_THREADS", "1,2").output().unwrap();
+        assert!(stdout(&output).contains(threads), "{}", stdout(&output));
+    }
     let refused = run(&["info", &capture, "--device", "vulkan"]);
     assert_eq!(refused.status.code(), Some(1));
     assert!(stderr(&refused).contains("Vulkan"), "{}", stderr(&refused));
@@ -450,6 +456,8 @@ fn help_and_version_are_there() {
     }
     assert!(succeed(&["help", "capture"]).contains("--no-auto-gate"));
     assert!(succeed(&["help", "info"]).contains("--png"));
+    assert!(succeed(&["help", "wall"]).starts_with("--wall: "));
+    assert!(succeed(&["help", "bin width"]).starts_with("--bin-width: "));
     fail(&["help", "nothing"], 1, "phasor-bp");
     let verbs = [
         "demo",

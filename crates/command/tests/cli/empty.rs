@@ -142,6 +142,12 @@ fn a_result_of_one_laser_becomes_a_confocal_capture() {
     assert!(said.contains("% of the light of") && said.contains("of 1024 pairs are measured"), "{said}");
     let made = read(Path::new(&at("wall.npz"))).unwrap();
     assert!(made.scan == [32, 32] && made.laser == made.sensor && !made.integer_counts);
+    // Paths of a report are those of the folder in which the run was: another folder finds the capture beside the result.
+    let path = Path::new(&at("r")).join("report.json");
+    let text = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, text.replace(&at("c.npz"), "c.npz")).unwrap();
+    succeed(&["convert", &at("r"), &at("again.npz"), "--as-confocal", "32x32"]);
+    assert!(read(Path::new(&at("again.npz"))).unwrap().histograms == made.histograms);
     let lct = solve("wall.npz", "l", &["--solver", "lct"]);
     assert!(lct > 0.85 * surface, "{lct} {surface}");
     fail(&["convert", &at("r"), &at("w.npz"), "--as-confocal", "32"], 1, "columns x rows");

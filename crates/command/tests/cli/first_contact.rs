@@ -177,6 +177,63 @@ fn a_matrix_of_pairs_and_bins() {
     }
 }
 
+/// Histograms as long as those of PicoQuant's instruments, and lists of coordinates beside a matrix, show its axes.
+#[test]
+fn the_axes_of_a_matrix_follow_from_long_histograms_and_lists_beside_it() {
+    let place = Place::new();
+    let data = |bins: usize| matrix("data", &[16, bins], |at| ((at[0] + at[1]) % 7) as f64);
+    hdf5(&place.path("long.h5"), &[data(1 << 16)]);
+    assert!(place.refused("long.h5", &[]).contains("--scan 4x4 "));
+    place.put(
+        "long.npz",
+        npz_bytes(&[("data", Array::from_f32(&[16, 1 << 16], &vec![1.0; 1 << 20]))]).unwrap(),
+    );
+    assert!(place.refused("long.npz", &[]).contains(r#"H = np.moveaxis(np.load("FILE")["data"], -1, 0)"#));
+    let lists = [("xpos", 8), ("zpos", 2)].map(|(name, n)| matrix(name, &[1, n], |at| at[1] as f64));
+    hdf5(&place.path("lists.h5"), &[&[data(144)][..], &lists].concat());
+    assert!(place.refused("lists.h5", &[]).contains("--scan 8x2 "));
+}
+
+#[test]
+fn what_a_newcomer_types_leads_on() {
+    let place = Place::new();
+    let right = scene();
+    let points: Vec<f64> = right.laser.iter().flat_map(|p| p.to_array()).collect();
+    let points = || Array::from_f64(&[SIDE, SIDE, 3], &points);
+    let h = transpose(&right.histograms, SIDE * SIDE, BINS).unwrap();
+    let arrays =
+        [("H", Array::from_f32(&[BINS, SIDE, SIDE], &h)), ("laser_xyz", points()), ("sensor_xyz", points())];
+    place.put("no_width.npz", npz_bytes(&arrays).unwrap());
+    assert!(place.refused("no_width.npz", &[]).contains("--bin-width 32ps"));
+    assert!(place.refused("no_width.npz", &["--bin-width", "20"]).contains("--bin-width 20ps"));
+    assert_same(&place.loaded("no_width.npz", &[("bin_width", "32ps")]).capture, &right);
+    // The distance that `info` prints is that of the option.
+    let said = succeed(&["info", &place.name("no_width.npz"), "--bin-width", "32ps"]);
+    assert!(said.contains("outermost points 1.0000 m apart: the wall size to give"), "{said}");
+    assert!(
+        place
+            .loaded("no_width.npz", &[("bin_width", "32ps"), ("wall", "70cm")])
+            .notes
+            .join(" ")
+            .contains("are 0.7 m apart")
+    );
+    // Coordinates in cells are not to be joined into counts.
+    let cells: Vec<_> = (0..9).map(|k| matrix("", &[1, 3], |at| (k * at[1]) as f64)).collect();
+    place.put("cells.mat", matlab_file(&[matlab_cell("positions", &cells)], Stored::Compressed));
+    assert!(place.refused("cells.mat", &[]).contains("positions is a MATLAB cell array of coordinates"));
+    // The longest of three axes comes first.
+    place.put("cube.npz", npz_bytes(&[("H", Array::from_f32(&[4, 4, 48], &[1.0; 768]))]).unwrap());
+    assert!(place.refused("cube.npz", &[]).contains(r#"H = np.moveaxis(np.load("FILE")["H"], -1, 0)"#));
+    // A line of words is no line of numbers.
+    place.put("words.txt", format!("a b c d\n{}", "1 2 3 4\n".repeat(20)));
+    assert!(place.refused("words.txt", &[]).contains(r#"if s.lstrip()[:1] in "+-.0123456789""#));
+    place.put("zones.csv", format!("sep=,\n#RAWBIN,{}\n#RAW000,0,1,2\n", "0,1,2"));
+    assert!(place.refused("zones.csv", &[]).contains(".json.gz"));
+    if cfg!(not(feature = "tags")) {
+        assert!(place.refused("words.txt", &[]).contains("this build has no `histogram`"));
+    }
+}
+
 #[test]
 fn cells_of_columns_and_of_arrival_times() {
     let place = Place::new();

@@ -13,7 +13,7 @@ mod single_bins;
 
 use super::mean::MeanOnce;
 use crate::data::{Capture, PairKind};
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// Fewer pairs or bins prove nothing.
 const LEAST_PAIRS: usize = 16;
@@ -54,12 +54,22 @@ pub(super) fn undo(capture: &mut Capture, mean: &mut MeanOnce) -> Result<Found> 
     if let Some(kept) = capture.without_repeats() {
         let all = capture.pair_count();
         let gone = all - kept.pairs.len();
+        if kept.pairs.len() == 1 {
+            return Err(Error::input(
+                format!("all {all} pairs have the same histogram, as of one that was repeated"),
+                "store the histogram of each point of the scan",
+            ));
+        }
         found.dropped += gone;
         found.notes.push(format!(
             "{gone} of {all} pairs are left out: their histograms are exact copies of the one before, as of a scan that stopped and \
              was filled with its last counts"
         ));
         *capture = capture.keep(&kept.pairs, kept.scan);
+        if kept.pairs.len() < LEAST_PAIRS {
+            mean.changed();
+            return Ok(found);
+        }
     }
     let is_scan =
         matches!(capture.pair_kind(), PairKind::Confocal | PairKind::OneLaser | PairKind::OneSensor);
@@ -130,5 +140,16 @@ mod tests {
         let mut capture = noisy();
         let found = undo(&mut capture, &mut MeanOnce::default()).unwrap();
         assert_eq!((capture, found.notes.len(), found.faults.len(), found.dropped), (noisy(), 0, 0, 0));
+    }
+
+    #[test]
+    fn a_single_histogram_is_no_scan() {
+        let one = noisy();
+        let mut capture = scan(|_, _, bin| one.histogram(3 * SIDE + 5)[bin]);
+        let error = undo(&mut capture, &mut MeanOnce::default()).unwrap_err();
+        assert!(error.what.contains("all 256 pairs have the same histogram"), "{error}");
+        let mut capture = scan(|ix, iy, bin| one.histogram(if ix + iy == 0 { 0 } else { 3 * SIDE + 5 })[bin]);
+        let found = undo(&mut capture, &mut MeanOnce::default()).unwrap();
+        assert_eq!((capture.pair_count(), found.dropped), (2, 254));
     }
 }

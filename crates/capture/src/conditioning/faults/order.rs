@@ -392,4 +392,56 @@ mod tests {
             assert!(unlike.len() < 30, "{words}: {unlike:?} {notes:?}");
         }
     }
+
+    /// A trigger lost at 200 and one too many at 800: the histograms between them are at the points before.
+    #[test]
+    fn one_trigger_lost_and_one_too_many_are_found() {
+        let proper = extended();
+        let mut capture = stored(&proper, |p| if (200..=800).contains(&p) { p + 1 } else { p });
+        assert!(unlike(&capture, &proper).len() > 500);
+        let notes = capture.undo_order();
+        assert!(
+            notes.len() == 1 && notes[0].contains("1 lost") && notes[0].contains("1 too many"),
+            "{notes:?}"
+        );
+        let unlike = unlike(&capture, &proper);
+        assert!(unlike.len() < 60, "{unlike:?} {notes:?}");
+    }
+
+    /// Points without counts next to those with light are no trigger: they are not compared.
+    #[test]
+    fn masked_points_are_not_compared() {
+        let mut masked = extended();
+        let is_masked = |pair: usize| pair.wrapping_mul(2_654_435_761) % 7 == 0;
+        let of = masked.bins;
+        (0..masked.pair_count())
+            .filter(|p| is_masked(*p))
+            .for_each(|p| masked.histograms[p * of..][..of].fill(0.0));
+        let rows = masked.few_bins();
+        let is_nan = |pair: usize| rows.difference(pair, 40).is_nan() && rows.bend([1, pair, 40]).is_nan();
+        assert!((0..masked.pair_count()).all(|pair| is_nan(pair) == is_masked(pair)));
+        let before = masked.clone();
+        assert_eq!(masked.undo_order(), Vec::<String>::new());
+        assert!(masked == before);
+    }
+
+    /// No scanner loses count twice within a line.
+    #[test]
+    fn adjacent_triggers_are_not_believed() {
+        let proper = extended();
+        let last = proper.pair_count() - 1;
+        let from = |p: usize| {
+            if p < 600 {
+                p
+            } else if p < 615 {
+                p + 3
+            } else {
+                (p + 6).min(last)
+            }
+        };
+        let mut capture = stored(&proper, from);
+        let before = capture.clone();
+        assert_eq!(capture.undo_order(), Vec::<String>::new());
+        assert!(capture == before);
+    }
 }

@@ -143,6 +143,18 @@ fn a_return_without_a_marker_is_no_part_of_a_line() {
     let found = histogram(&path, &grid(), &asked(None));
     assert_placed(&found, 1.0, 0.0);
     assert_noted(&found, "no marker 2");
+    // Three lines before those of the scan.
+    let before = 3 * LINE;
+    let late: Vec<_> = in_time(along).into_iter().map(|(pulse, delay)| (pulse + before, delay)).collect();
+    let starts: Vec<_> = (0..SIDE as i64 + 3).map(|row| (row * LINE, 1)).collect();
+    let more = [(before + SIDE as i64 * LINE, 2)];
+    write(&path, t3(&late, &[&starts[..], &more].concat()).file(TICK, PERIOD, &[]));
+    let found = histogram(&path, &grid(), &asked(lines(None, None)));
+    assert_noted(&found, "marker 1 begins 3 more than the 8 that the scan has");
+    assert_noted(&found, "lines come before");
+    assert!(misplaced(&found.unwrap(), 1.0) > 0.1);
+    let given = Asked { lines_before: 3, ..asked(lines(None, None)) };
+    assert_placed(&histogram(&path, &grid(), &given), 1.0, 0.0);
     // Without any return, that is said.
     let starts: Vec<_> = (0..SIDE as i64).map(|row| (row * LINE, 1)).collect();
     write(&path, t3(&in_time(along), &starts).file(TICK, PERIOD, &[]));
