@@ -22,12 +22,12 @@ use arguments::BenchmarkArgs;
 pub fn command() -> clap::Command {
     const ABOUT: &str = "Compare methods on captures and scenes, at several photon counts: error against run time, as one page. \
                          Skips what is done.";
-    program::beside::<Box<BenchmarkArgs>>("thirdbounce-benchmark", "thirdbounce benchmark", ABOUT)
+    program::beside::<BenchmarkArgs>("thirdbounce-benchmark", "thirdbounce benchmark", ABOUT)
 }
 
 /// Runs the program.
 pub fn main() -> ExitCode {
-    program::run_beside(command(), |args: &Box<BenchmarkArgs>| arguments::run(args))
+    program::run_beside(command(), arguments::run)
 }
 
 #[cfg(test)]
