@@ -73,7 +73,9 @@ mod tests {
             let page = read(&format!("man/man1/thirdbounce-{verb}.1"));
             assert!(page.contains(&format!(".TH thirdbounce-{verb} 1")), "{verb}: {page}");
         }
-        for (verb, option) in [("benchmark", "foreign"), ("live", "moving"), ("track", "blobs"), ("histogram", "snake")] {
+        for (verb, option) in
+            [("benchmark", "foreign"), ("live", "moving"), ("track", "blobs"), ("histogram", "snake")]
+        {
             assert!(read(&format!("man/man1/thirdbounce-{verb}.1")).contains(option), "{verb}");
         }
         for (shell, place) in SHELLS {

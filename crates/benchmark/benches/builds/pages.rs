@@ -43,7 +43,11 @@ pub fn parts(page: &Page) -> Vec<Part> {
     });
     vec![
         Part { file: CURVE, name: None, text: figure(&cases, &title, &[0, 1, 2, 3], true).svg() },
-        Part { file: "README.md", name: Some("benchmark"), text: format!("{}\n\n{caption}\n", picture(CURVE)) },
+        Part {
+            file: "README.md",
+            name: Some("benchmark"),
+            text: format!("{}\n\n{caption}\n", picture(CURVE)),
+        },
         Part {
             file: "docs/accuracy.md",
             name: Some("benchmark"),

@@ -1,0 +1,147 @@
+//! The limits of the host's processors, measured on all threads of the pool by loops that do one thing each.
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use pulp::{Simd, WithSimd};
+
+use super::limits::{DeviceLimits, LONG_ENOUGH, RUNS, SETS};
+
+/// Chains of multiply-adds: latency times units of today's processors is 8 to 10.
+const CHAINS: usize = 12;
+/// Turns of a chain in a unit of work.
+const TURNS: usize = 1 << 12;
+/// Sums of loads side by side.
+const SUMS: usize = 8;
+/// Bytes beyond every cache, of all threads together.
+const BEYOND: u64 = 256 << 20;
+/// Bins of a histogram, and additions to it in a unit of work.
+const BINS: usize = 512;
+const ADDITIONS: usize = 1 << 12;
+
+/// Rates of multiply-adds, additions to histograms and loads; no time of a dispatch.
+pub fn limits() -> DeviceLimits {
+    let fma_per_s = rate(|| (), |()| pulp::Arch::new().dispatch(MultiplyAdd));
+    let scattered_atomic_per_s = rate(Histogram::new, Histogram::add);
+    let loads = |bytes: u64| {
+        let numbers = bytes as usize / size_of::<f32>() / rayon::current_num_threads();
+        rate(|| vec![1.0f32; numbers.max(1)], |own| pulp::Arch::new().dispatch(Loads(own)))
+    };
+    DeviceLimits {
+        fma_per_s,
+        scattered_atomic_per_s,
+        copy_bytes_per_s: loads(BEYOND),
+        set_bytes_per_s: SETS.map(loads),
+        dispatch_s: 0.0,
+    }
+}
+
+/// Operations per second of all threads: the best of several runs. `work` returns the operations of a unit of work.
+fn rate<T: Send>(state: impl Fn() -> T + Sync, work: impl Fn(&mut T) -> usize + Sync) -> f64 {
+    let run = |units: usize| -> f64 {
+        let of_thread = rayon::broadcast(|_| {
+            let mut own = state();
+            // The first unit brings the state into the caches.
+            work(&mut own);
+            let start = Instant::now();
+            let done: usize = (0..units).map(|_| work(&mut own)).sum();
+            (done as f64, start.elapsed().as_secs_f64())
+        });
+        let longest = of_thread.iter().map(|(_, seconds)| *seconds).fold(0.0, f64::max);
+        if longest < LONG_ENOUGH {
+            return 0.0;
+        }
+        of_thread.iter().map(|(done, seconds)| done / seconds).sum()
+    };
+    let mut units = 1;
+    while run(units) == 0.0 {
+        units *= 2;
+    }
+    (0..RUNS).map(|_| run(units)).fold(0.0, f64::max)
+}
+
+/// Multiply-adds in registers.
+struct MultiplyAdd;
+
+impl WithSimd for MultiplyAdd {
+    type Output = usize;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> usize {
+        let (factor, term) = (simd.splat_f32s(black_box(0.5)), simd.splat_f32s(black_box(1.0)));
+        let mut chains = [simd.splat_f32s(0.0); CHAINS];
+        for _ in 0..TURNS {
+            for chain in &mut chains {
+                *chain = simd.mul_add_f32s(*chain, factor, term);
+            }
+        }
+        black_box(chains.map(|chain| simd.reduce_sum_f32s(chain)));
+        TURNS * CHAINS * size_of::<S::f32s>() / size_of::<f32>()
+    }
+}
+
+/// Loads of all numbers.
+struct Loads<'n>(&'n [f32]);
+
+impl WithSimd for Loads<'_> {
+    type Output = usize;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> usize {
+        let (vectors, _) = S::as_simd_f32s(black_box(self.0));
+        let mut sums = [simd.splat_f32s(0.0); SUMS];
+        for several in vectors.chunks_exact(SUMS) {
+            for (sum, vector) in sums.iter_mut().zip(several) {
+                *sum = simd.add_f32s(*sum, *vector);
+            }
+        }
+        black_box(sums.map(|sum| simd.reduce_sum_f32s(sum)));
+        vectors.len() / SUMS * SUMS * size_of::<S::f32s>()
+    }
+}
+
+/// A histogram, and the bins of photons in no order.
+struct Histogram {
+    bins: [f32; BINS],
+    places: Vec<u16>,
+}
+
+impl Histogram {
+    fn new() -> Histogram {
+        // A multiplicative sequence visits the bins in no order.
+        let places = (0..ADDITIONS as u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 23) as u16).collect();
+        Histogram { bins: [0.0; BINS], places }
+    }
+
+    fn add(&mut self) -> usize {
+        for place in &self.places {
+            self.bins[usize::from(*place) % BINS] += 1.0;
+        }
+        black_box(&self.bins);
+        self.places.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_loop_does_the_work_that_it_counts() {
+        let all = pulp::Arch::new().dispatch(MultiplyAdd);
+        assert!(all.is_multiple_of(TURNS * CHAINS) && all > 0);
+        let numbers = vec![1.0f32; 4096];
+        assert_eq!(pulp::Arch::new().dispatch(Loads(&numbers)), 4 * 4096);
+        let mut histogram = Histogram::new();
+        assert_eq!((histogram.add(), histogram.add()), (ADDITIONS, ADDITIONS));
+        assert_eq!(histogram.bins.iter().sum::<f32>(), 2.0 * ADDITIONS as f32);
+        assert!(histogram.bins.iter().all(|bin| *bin > 0.0), "all bins are reached");
+    }
+
+    #[test]
+    fn caches_are_not_slower_than_memory() {
+        let limits = limits();
+        assert!(limits.fma_per_s > 1e8 && limits.scattered_atomic_per_s > 1e6, "{limits:?}");
+        assert!(limits.set_bytes_per_s[0] > 0.8 * limits.copy_bytes_per_s, "{limits:?}");
+    }
+}
