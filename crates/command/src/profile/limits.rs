@@ -95,7 +95,13 @@ fn scattered_float_right(word: u32, i: u32, did: [u32; 3]) -> bool {
 pub fn measure(gpu: &Gpu) -> Result<DeviceLimits> {
     let mut bench = Bench::new(gpu)?;
     if gpu.is_host() {
-        return Ok(DeviceLimits { dispatch_s: bench.command()?, ..on_host::limits() });
+        return Ok(DeviceLimits {
+            fma_per_s: on_host::multiply_adds(),
+            scattered_atomic_per_s: on_host::additions(),
+            copy_bytes_per_s: on_host::loads(on_host::BEYOND),
+            set_bytes_per_s: SETS.map(on_host::loads),
+            dispatch_s: bench.command()?,
+        });
     }
     let float = gpu.accumulations.float;
     let copy = bench.copy()?;
@@ -115,8 +121,8 @@ pub fn measure(gpu: &Gpu) -> Result<DeviceLimits> {
 }
 
 /// Runs of a measurement, and the least seconds that a run takes.
-pub(super) const RUNS: usize = 4;
-pub(super) const LONG_ENOUGH: f64 = 0.02;
+const RUNS: usize = 4;
+const LONG_ENOUGH: f64 = 0.02;
 
 /// Word that copies move.
 const PATTERN: u32 = 0x600d_c0de;

@@ -63,19 +63,19 @@ struct HistogramArgs {
 #[derive(clap::Args)]
 struct TagsArgs {
     #[command(subcommand)]
-    verb: Verb,
+    verb: TagsVerb,
 }
 
 #[derive(clap::Subcommand)]
-enum Verb {
+enum TagsVerb {
     /// Make a capture of time tags: PicoQuant .ptu, arrays, text.
     Histogram(Box<HistogramArgs>),
     /// Show what a file of time tags holds, and the command that makes a capture of it.
-    Info(InfoArgs),
+    Info(AboutTagsArgs),
 }
 
 #[derive(clap::Args)]
-struct InfoArgs {
+struct AboutTagsArgs {
     /// Time tags
     tags: PathBuf,
     /// Print JSON
@@ -96,8 +96,8 @@ pub fn command() -> clap::Command {
 pub fn main() -> ExitCode {
     program::run_beside(command(), |args: &TagsArgs| {
         match &args.verb {
-            Verb::Histogram(args) => histogram(args)?,
-            Verb::Info(args) => {
+            TagsVerb::Histogram(args) => histogram(args)?,
+            TagsVerb::Info(args) => {
                 let found = instrument::instrument(&args.tags, Inputs::default())?;
                 print(&if args.json { json(&found)? } else { instrument::about(&found) });
             }
