@@ -31,11 +31,11 @@ pub struct DeviceLimits {
 pub const SETS: [u64; 4] = [1 << 16, 1 << 20, 8 << 20, 64 << 20];
 
 impl DeviceLimits {
-    /// Returns the limit of a dispatch that reads and writes `bytes` bytes, bytes per second: that of the smallest measured working set
-    /// of at least an eighth of them, and at least that of a copy in device memory.
+    /// Returns the limit of a dispatch that reads and writes `bytes` bytes, bytes per second: the highest of the measured working sets
+    /// of at least an eighth of them, and of device memory.
     pub fn bytes_per_s(&self, bytes: u64) -> f64 {
         let in_caches = SETS.iter().zip(self.set_bytes_per_s).filter(|(set, _)| bytes < 8 * **set);
-        in_caches.map(|(_, rate)| rate).next().unwrap_or(0.0).max(self.copy_bytes_per_s)
+        in_caches.map(|(_, rate)| rate).fold(self.copy_bytes_per_s, f64::max)
     }
 }
 

@@ -6,8 +6,8 @@ use std::time::Instant;
 use pulp::{Simd, WithSimd};
 
 /// Runs of a measurement, and the least seconds that a run takes.
-const RUNS: usize = 4;
-const LONG_ENOUGH: f64 = 0.02;
+const RUNS: usize = 8;
+const LONG_ENOUGH: f64 = 0.005;
 /// Chains of multiply-adds: latency times units of today's processors is 8 to 10.
 const CHAINS: usize = 12;
 /// Turns of a chain in a unit of work.
@@ -36,28 +36,23 @@ pub fn loads(bytes: u64) -> f64 {
     rate(|| vec![1.0f32; numbers.max(1)], |own| pulp::Arch::new().dispatch(Loads(own)))
 }
 
-/// Operations per second of all threads: the best of several runs. `work` returns the operations of a unit of work.
-fn rate<T: Send>(state: impl Fn() -> T + Sync, work: impl Fn(&mut T) -> usize + Sync) -> f64 {
-    let run = |units: usize| -> f64 {
-        let of_thread = rayon::broadcast(|_| {
-            let mut own = state();
-            // The first unit brings the state into the caches.
-            work(&mut own);
+/// Operations per second: the sum of the best of several runs on each thread, while the others run, too. `work` returns the
+/// operations of a unit of work.
+fn rate<T>(state: impl Fn() -> T + Sync, work: impl Fn(&mut T) -> usize + Sync) -> f64 {
+    let of_thread = rayon::broadcast(|_| {
+        let mut own = state();
+        let mut run = |units: usize| {
             let start = Instant::now();
             let done: usize = (0..units).map(|_| work(&mut own)).sum();
             (done as f64, start.elapsed().as_secs_f64())
-        });
-        let longest = of_thread.iter().map(|(_, seconds)| *seconds).fold(0.0, f64::max);
-        if longest < LONG_ENOUGH {
-            return 0.0;
+        };
+        let mut units = 1;
+        while run(units).1 < LONG_ENOUGH {
+            units *= 2;
         }
-        of_thread.iter().map(|(done, seconds)| done / seconds).sum()
-    };
-    let mut units = 1;
-    while run(units) == 0.0 {
-        units *= 2;
-    }
-    (0..RUNS).map(|_| run(units)).fold(0.0, f64::max)
+        (0..RUNS).map(|_| run(units)).map(|(done, seconds)| done / seconds).fold(0.0, f64::max)
+    });
+    of_thread.into_iter().sum()
 }
 
 /// Multiply-adds in registers.
