@@ -10,17 +10,18 @@ setup:
 # Shown by --version.
 export THIRDBOUNCE_COMMIT := $(shell git rev-parse --short HEAD 2>/dev/null)
 
-# Features of the command that `make demo` leaves out: those that `make build` and tests have, and those of packages. The filters of HDF5 reach down to
-# the crate that reads captures: with them, all that `make demo` built would be built again.
-FEATURES := --features thirdbounce-command/live,thirdbounce-command/tags
-PACKAGED := $(FEATURES),thirdbounce-command/hdf5-filters
+# Features of packages. The filters of HDF5 reach down to the crate that reads captures: with them, all that `make demo` built would be built again.
+PACKAGED := --features thirdbounce-command/hdf5-filters
+
+# Programs beside the command, which `make demo` leaves out.
+BESIDE := thirdbounce-benchmark thirdbounce-live thirdbounce-tags thirdbounce-track
 
 # What cargo built, here or in the folder of its variable.
 RELEASE := $(or $(CARGO_TARGET_DIR),target)/release
 
 build: setup
 	@[ -x $(RELEASE)/thirdbounce ] || echo "build: the first time takes about four minutes on two cores"
-	cargo build --release --locked $(FEATURES) --bins
+	cargo build --release --locked --bins
 
 # Simulates a scene, reconstructs it, evaluates it against the truth and writes pictures to out/demo. Builds the command alone;
 # `make build` takes it over.
@@ -29,8 +30,8 @@ demo: setup
 	cargo build --release --locked --bin thirdbounce
 	$(RELEASE)/thirdbounce demo --out out/demo
 
-TESTED = $(COMMAND) $(FEATURES) $(addprefix --package ,shares thirdbounce thirdbounce-track thirdbounce-command thirdbounce-benchmark thirdbounce-capi)
-# One failing program does not end it: the others run, and what failed is listed last. With the dependencies and the library that `make demo` built. COMMAND: how cargo builds the command, if not as for users.
+TESTED = $(COMMAND) $(FEATURES) $(addprefix --package ,shares thirdbounce thirdbounce-command $(BESIDE) thirdbounce-capi)
+# One failing program does not end it: the others run, and what failed is listed last. With the dependencies and the library that `make demo` built. COMMAND, FEATURES: how cargo builds the command, if not as for users.
 test: setup
 	@[ -d $(RELEASE)/examples ] || echo "test: building and running all tests takes about ten minutes on two cores the first time"
 	@failed=; run() { .ci/timed cargo "$$@" || failed="$$failed\n  cargo $$*"; }; export THIRDBOUNCE_TESTED='$(TESTED)'; \
@@ -100,7 +101,7 @@ library: setup
 libraries: build
 	cargo build --release --locked $(PACKAGED) --workspace --exclude thirdbounce-python --exclude fixtures --exclude tag-fixtures --exclude public-api
 
-# Installs the command and its benchmark with a manual page for every verb and completions for shells, the C library, its headers, and its files
+# Installs the command and the programs beside it with a manual page for every verb and completions for shells, the C library, its headers, and its files
 # for pkg-config and CMake below PREFIX. DESTDIR goes before it, for packages. With sudo, the user who
 # called it compiles: root may have no Rust.
 PREFIX ?= /usr/local
@@ -109,7 +110,7 @@ SONAME := libthirdbounce.so.$(basename $(VERSION))
 install:
 	$(if $(SUDO_USER),sudo -H -u $(SUDO_USER)) $(MAKE) libraries
 	install -d $(DESTDIR)$(PREFIX)/bin
-	install -m 755 -s $(RELEASE)/thirdbounce $(RELEASE)/thirdbounce-benchmark $(DESTDIR)$(PREFIX)/bin
+	install -m 755 -s $(addprefix $(RELEASE)/,thirdbounce $(BESIDE)) $(DESTDIR)$(PREFIX)/bin
 	$(RELEASE)/shares $(DESTDIR)$(PREFIX)/share
 	install -d $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/lib/cmake/thirdbounce $(DESTDIR)$(PREFIX)/include
 	install -m 755 -s $(RELEASE)/libthirdbounce.so $(DESTDIR)$(PREFIX)/lib/libthirdbounce.so.$(VERSION)

@@ -12,7 +12,9 @@ import subprocess
 import sys
 
 TARGET = "x86_64-unknown-linux-gnu"
-OURS = ["thirdbounce-benchmark", "thirdbounce-capi", "thirdbounce-command", "thirdbounce-python"]
+OURS = [
+    f"thirdbounce-{name}" for name in ("benchmark", "capi", "command", "live", "python", "tags", "track")
+]
 # Files that hold licences, in this order.
 NAMES = ["licen[cs]e*", "copying*", "notice*", "unlicense*"]
 

@@ -19,8 +19,8 @@ use thirdbounce::maps::Truth;
 use thirdbounce::measure::{Metrics, metrics};
 use thirdbounce::methods::SolverOptions;
 use thirdbounce::session::{Session, SessionOptions};
-use thirdbounce::simulate::{Motion, RenderOptions, Scene, simulate, truth};
 use thirdbounce::surface::{Follow, SurfaceOptions};
+use thirdbounce_simulate::{Motion, RenderOptions, Scene, simulate, truth};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;

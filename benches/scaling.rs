@@ -14,7 +14,7 @@ use thirdbounce::engine::Accumulation;
 use thirdbounce::gpu::{DeviceKind, Schedule};
 use thirdbounce::learned::LearnedStart;
 use thirdbounce::methods::paper;
-use thirdbounce::simulate::{RenderOptions, Scene, simulate};
+use thirdbounce_simulate::{RenderOptions, Scene, simulate};
 
 const SIDES: [usize; 6] = [8, 16, 32, 64, 128, 256];
 const ACTIVE: [usize; 5] = [10_000, 30_000, 100_000, 300_000, 1_000_000];

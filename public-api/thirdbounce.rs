@@ -46,11 +46,6 @@ pub fn reconstruct_with(
     settings: &Settings,
     on_progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Reconstruction> {}
-pub fn render(
-    scene: &Scene,
-    options: &RenderOptions,
-    resolution: usize,
-) -> Result<(Capture, Truth)> {}
 pub fn session(
     gpu: &Gpu,
     frame: &Capture,
@@ -951,86 +946,3 @@ impl Verdict {
     pub fn add(&mut self, grade: Grade, reason: impl Into<String>) {}
 }
 impl fmt::Display for Verdict {}
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Dark {
-    Fraction(f64),
-    Counts(f64),
-}
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub enum Layout {
-    Confocal,
-    OneLaser { point: DVec2 },
-    OneSensor { point: DVec2 },
-    Exhaustive { lasers: usize },
-    Irregular { seed: u64 },
-}
-impl Layout {
-    pub fn pair_count(self, scan: usize) -> f64 {}
-    pub fn point(self) -> Option<DVec2> {}
-}
-#[derive(Debug, Clone, PartialEq)]
-pub struct Object {
-    pub mesh: Mesh,
-    pub albedo: f64,
-}
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RenderOptions {
-    pub noise: f64,
-    pub max_samples: usize,
-    pub seed: u64,
-    pub coarse: Option<usize>,
-}
-impl Default for RenderOptions {}
-#[derive(Debug, Clone, PartialEq)]
-pub struct Scene {
-    pub name: String,
-    pub objects: Vec<Object>,
-    pub room: usize,
-    pub wall: f64,
-    pub wall_shape: WallShape,
-    pub scan: usize,
-    pub layout: Layout,
-    pub occlusion: bool,
-    pub bin_width: f64,
-    pub bins: Option<usize>,
-    pub t_start: f64,
-    pub reflectance: Reflectance,
-    pub pulse: Option<Pulse>,
-    pub spots: [f64; 2],
-    pub device: Option<DVec3>,
-    pub pile_up: Option<f64>,
-    pub photons: Option<f64>,
-    pub dark: Dark,
-    pub seed: u64,
-}
-impl Scene {
-    pub fn named(spec: &str) -> Result<Scene> {}
-    pub fn fitted(mut self, size: f64) -> Result<Scene> {}
-    pub fn size(&self) -> Option<DVec3> {}
-    pub fn known() -> &'static [(&'static str, &'static str)] {}
-}
-impl Scene {
-    pub fn emptied(&self) -> Scene {}
-    pub fn without_room(&self) -> Scene {}
-}
-impl Scene {
-    pub fn sequence(&self, motion: &Motion) -> Result<Vec<Scene>> {}
-}
-impl Scene {
-    pub fn new(name: impl Into<String>, objects: Vec<Object>) -> Scene {}
-    pub fn set_albedo(&mut self, albedo: f64) {}
-    pub fn bin_count(&self) -> usize {}
-    pub fn pairs(&self) -> Pairs {}
-    pub fn extent(&self) -> [f64; 4] {}
-    pub fn check(&self) -> Result<()> {}
-}
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum WallShape {
-    Flat,
-    Bump,
-}
-impl WallShape {
-    pub fn point(self, x: f64, y: f64, side: f64) -> DVec3 {}
-    pub fn normal(self, x: f64, y: f64, side: f64) -> Option<DVec3> {}
-    pub fn front(self, side: f64) -> f64 {}
-}

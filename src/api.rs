@@ -14,7 +14,6 @@ use crate::maps::Truth;
 use crate::measure::Metrics;
 use crate::session::{Session, SessionOptions};
 use crate::settings::{Calibrate, DevicePosition, Settings};
-use crate::simulate::{RenderOptions, Scene};
 use crate::{Result, solve};
 
 /// Reconstructs a capture that [`read`] or [`prepare`] has made ready.
@@ -189,13 +188,4 @@ pub fn evaluate(maps: &Maps, truth: &Truth, mask_fraction: Option<f64>) -> Resul
 #[cfg(feature = "formats")]
 pub fn read_truth(path: impl AsRef<std::path::Path>) -> Result<Truth> {
     crate::export::npz::read_truth(path.as_ref())
-}
-
-/// Renders a capture of a known scene, with its truth of `resolution` pixels per side.
-///
-/// # Errors
-/// `Kind::Input` and `Kind::Options`: a scene or options out of range.
-pub fn render(scene: &Scene, options: &RenderOptions, resolution: usize) -> Result<(Capture, Truth)> {
-    let truth = crate::simulate::truth(scene, resolution)?;
-    Ok((crate::simulate::simulate(scene, options)?.capture, truth))
 }

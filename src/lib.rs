@@ -146,12 +146,10 @@ pub use thirdbounce_export as export;
 pub use thirdbounce_gpu as gpu;
 #[doc(hidden)]
 pub use thirdbounce_maps::{maps, measure};
-#[doc(hidden)]
-pub use thirdbounce_simulate as simulate;
 
 #[cfg(feature = "formats")]
 pub use api::{Written, evaluate, prepare, read, read_truth, reconstruct_file, write};
-pub use api::{reconstruct, reconstruct_with, render, session, session_with};
+pub use api::{reconstruct, reconstruct_with, session, session_with};
 pub use closed_form::{
     BpSettings, DlctSettings, FbpSettings, FkSettings, LctSettings, PhasorBpSettings, PhasorSettings,
 };
@@ -187,5 +185,3 @@ pub use thirdbounce_maps::maps::{Layer, Maps, Truth};
 pub use thirdbounce_maps::measure::{AtBest, LayerMetrics, Metrics, PaperMeasure};
 #[doc(inline)]
 pub use thirdbounce_maps::verdict::{Grade, Verdict};
-#[doc(inline)]
-pub use thirdbounce_simulate::{Dark, Layout, Object, RenderOptions, Scene, WallShape};

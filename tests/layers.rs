@@ -418,6 +418,9 @@ fn the_python_package_and_the_tests_take_over_what_the_command_built() {
         "--package=thirdbounce",
         "--package=thirdbounce-command",
         "--package=thirdbounce-benchmark",
+        "--package=thirdbounce-live",
+        "--package=thirdbounce-tags",
+        "--package=thirdbounce-track",
         "--package=thirdbounce-capi",
     ];
     let tests = linked("normal,build,dev", &tested);

@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Once;
 
+use thirdbounce_simulate::{RenderOptions, Scene, with_truth};
+
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
@@ -181,10 +183,9 @@ fn a_c_program_captures() {
 /// A small capture of a letter as `capture.npz` in a folder, and its truth.
 fn letter(folder: &Path) -> (PathBuf, engine::Truth) {
     let file = folder.join("capture.npz");
-    let scene =
-        engine::Scene { scan: 12, bin_width: 0.02, ..engine::Scene::named("letter:T").expect("a scene") };
-    let options = engine::RenderOptions { noise: 0.05, ..engine::RenderOptions::default() };
-    let (capture, truth) = engine::render(&scene, &options, 16).expect("a capture");
+    let scene = Scene { scan: 12, bin_width: 0.02, ..Scene::named("letter:T").expect("a scene") };
+    let options = RenderOptions { noise: 0.05, ..RenderOptions::default() };
+    let (capture, truth) = with_truth(&scene, &options, 16).expect("a capture");
     engine::capture::write(&capture, &file).expect("a file");
     (file, truth)
 }

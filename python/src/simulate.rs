@@ -1,11 +1,10 @@
 //! Captures of known scenes.
 
-use engine::capture::Pulse;
-use engine::methods::reflectance;
-use engine::simulate::{self as engine_simulate, Dark, Layout, RenderOptions, Scene};
+use engine::capture::{Pulse, Reflectance};
 use engine::{Error, Result};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use thirdbounce_simulate::{self as simulator, Dark, Layout, RenderOptions, Scene};
 
 use crate::tell::heard;
 use crate::{capture, maps};
@@ -42,7 +41,7 @@ impl SimulationRequest {
         (scene.bin_width, scene.bins) = (self.bin_width, self.bins);
         scene.pulse = self.pulse.map(Pulse::gaussian).transpose()?;
         (scene.photons, scene.dark, scene.seed) = (self.photons, Dark::Counts(self.dark), self.seed);
-        (scene.reflectance, scene.occlusion) = (reflectance(&self.model)?, self.occlusion);
+        (scene.reflectance, scene.occlusion) = (Reflectance::named(&self.model)?, self.occlusion);
         scene.layout = self.layout()?;
         Ok(scene)
     }
@@ -77,9 +76,9 @@ pub fn simulate(
 ) -> PyResult<(Bound<'_, PyDict>, Bound<'_, PyDict>)> {
     let (rendered, truth) = heard(py, None, move || {
         let scene = wanted.scene()?;
-        let truth = engine_simulate::truth(&scene, wanted.truth_pixels)?;
+        let truth = simulator::truth(&scene, wanted.truth_pixels)?;
         let options = RenderOptions { noise: wanted.noise, seed: wanted.seed, ..RenderOptions::default() };
-        let rendering = engine_simulate::simulate(&scene, &options)?;
+        let rendering = simulator::simulate(&scene, &options)?;
         rendering.capture.check()?;
         Ok((rendering.capture, truth))
     })?;

@@ -23,8 +23,11 @@ fn main() -> io::Result<()> {
 }
 
 fn write(folder: &Path) -> io::Result<()> {
-    let verb = |_| thirdbounce_benchmark::command().name("benchmark");
-    let mut command = cli::command().mut_subcommand("benchmark", verb);
+    let mut command = cli::command()
+        .mut_subcommand("benchmark", |_| thirdbounce_benchmark::command().name("benchmark"))
+        .mut_subcommand("live", |_| thirdbounce_live::command().name("live"))
+        .mut_subcommand("track", |_| thirdbounce_track::program::command().name("track"))
+        .mut_subcommand("histogram", |_| histogram());
     for (shell, place) in SHELLS {
         let mut script = vec![];
         generate(shell, &mut command, "thirdbounce", &mut script);
@@ -36,6 +39,12 @@ fn write(folder: &Path) -> io::Result<()> {
         put(&folder.join(format!("man/man1/{name}.1")), &page(part, name)?)?;
     }
     Ok(())
+}
+
+/// The verb of the program of time tags.
+fn histogram() -> Command {
+    let tags = thirdbounce_tags::program::command();
+    tags.find_subcommand("histogram").cloned().expect("the program has this verb")
 }
 
 /// The manual page of the command or of a verb.
@@ -64,7 +73,11 @@ mod tests {
             let page = read(&format!("man/man1/thirdbounce-{verb}.1"));
             assert!(page.contains(&format!(".TH thirdbounce-{verb} 1")), "{verb}: {page}");
         }
-        assert!(read("man/man1/thirdbounce-benchmark.1").contains("foreign"));
+        for (verb, option) in
+            [("benchmark", "foreign"), ("live", "moving"), ("track", "blobs"), ("histogram", "snake")]
+        {
+            assert!(read(&format!("man/man1/thirdbounce-{verb}.1")).contains(option), "{verb}");
+        }
         for (shell, place) in SHELLS {
             let script = read(place);
             assert!(script.contains("deterministic") && script.contains("foreign"), "{shell}: {script}");

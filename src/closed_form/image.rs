@@ -4,6 +4,8 @@ use rayon::prelude::*;
 
 use super::resample::{add, cubic};
 use super::scan::RegularScan;
+use thirdbounce_base::quantile::peak_between;
+
 use crate::maps::{Maps, percentile};
 use crate::transport::Grid;
 
@@ -157,12 +159,6 @@ pub fn maps(
         None => normals_of(&maps, SMOOTH * step / grid.pitch.x.min(grid.pitch.y)),
     };
     maps
-}
-
-/// The place of the maximum of the parabola through three values, the middle one the largest: in steps from the middle.
-pub(crate) fn peak_between([low, middle, high]: [f64; 3]) -> f64 {
-    let bend = low - 2.0 * middle + high;
-    if bend < 0.0 { (0.5 * (low - high) / bend).clamp(-0.5, 0.5) } else { 0.0 }
 }
 
 fn unit(v: [f32; 3]) -> [f32; 3] {

@@ -11,6 +11,16 @@ use crate::{Error, Result};
 /// A wall that faces a direction of a smaller z has no depths along z.
 const SIDEWAYS: f64 = 0.3;
 
+/// Width of a pixel of maps with `lateral` pixels side by side, metres; of pixels that are not square, the shorter side.
+/// `volume` is the box if it is not the default one, which is as wide as the wall. Counts do not matter.
+pub fn pixel_of(capture: &Capture, volume: Option<Volume>, lateral: usize) -> f64 {
+    let [x0, x1, y0, y1] = match volume {
+        Some(Volume { min, max }) => [min.x, max.x, min.y, max.y],
+        None => capture.wall_extent(),
+    };
+    (x1 - x0).min(y1 - y0) / lateral as f64
+}
+
 /// The default volume, metres: the lateral extent of the wall's scanned part (see [`Capture::wall_extent`]), and the
 /// depths whose light can reach the gated bins. For any pairs and any wall.
 ///

@@ -20,7 +20,7 @@ pub(crate) use adam::unbiased;
 pub use bins::Bins;
 pub use drive::{Doing, Progress, TracePoint, Watch};
 pub(crate) use drive::{Driven, Iterate, drive, maps_stage, read_whole, stage_values, submit_whole};
-pub use extent::default_volume;
+pub use extent::{default_volume, pixel_of};
 pub(crate) use noise::enough_pairs;
 pub use noise::{background, expected_noise, variance_per_count, variances};
 pub use on_device::{OnDevice, VolumeMap};

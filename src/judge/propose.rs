@@ -14,10 +14,10 @@ use super::trials::{Proposal, Trials, TriedLaw};
 use super::{gains, motion};
 use crate::Result;
 use crate::capture::Capture;
-use crate::closed_form::image::peak_between;
 use crate::gpu::Gpu;
 use crate::options::SceneTraits;
 use crate::surface::{HeldOut, Left};
+use thirdbounce_base::quantile::peak_between;
 
 /// Constants of the proposals. Evidence: benches/NOTES.md, "Causes" and "Verdict".
 mod bounds {

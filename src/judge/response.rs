@@ -9,8 +9,8 @@ use super::pulse::Shape;
 use super::samples::ResponseSamples;
 use crate::Result;
 use crate::capture::PulseTaps;
-use crate::closed_form::image::peak_between;
 use crate::surface::{HeldOut, Left, mean_and_error};
+use thirdbounce_base::quantile::peak_between;
 
 /// Samples before and behind the path, bins.
 const REACH: [i64; 2] = [12, 17];

@@ -7,7 +7,7 @@ pub const SIDE: usize = 64;
 pub const DEEP: usize = 96;
 /// A voxel, and the near end of the box, walls.
 pub const PITCH: f64 = 1.0 / SIDE as f64;
-pub const NEAR: f64 = 0.1;
+pub use crate::options::NEAR;
 /// Bands of light, and their samples along the path, each of this many walls.
 pub const BANDS: usize = LEARNED_BANDS as usize;
 pub const SAMPLES: usize = LEARNED_SAMPLES as usize;

@@ -4,4 +4,4 @@ pub mod paper;
 mod table;
 
 pub use paper::{Decay, NoiseTerm, PaperOptions, PaperSettings};
-pub use table::{Method, SolverOptions, method, pass_of, pixel_of, reflectance};
+pub use table::{Method, SolverOptions, method, pass_of};

@@ -11,15 +11,16 @@ use crate::closed_form::{
 };
 use crate::engine::plan::passes;
 use crate::engine::{
-    Accumulation, Common, Pass, Plan, Problem, Reconstruction, Solver, Watch, default_volume,
+    Accumulation, Common, Pass, Plan, Problem, Reconstruction, Solver, Watch, default_volume, pixel_of,
 };
+use crate::error::unknown;
 use crate::gpu::{Gpu, check};
 use crate::methods::paper;
 use crate::methods::paper::{PaperOptions, PaperSettings};
 use crate::options::{Given, OptionValue, Row, SceneTraits, default_text};
 use crate::surface::{Begun, SurfaceOptions, SurfaceSettings};
 use crate::transport::{Reflectance, Volume};
-use crate::{Error, Result, closed_form, surface};
+use crate::{Result, closed_form, surface};
 
 /// Declares the methods: one line for each.
 macro_rules! solvers {
@@ -346,16 +347,6 @@ const OF_PULSE: f64 = 0.5;
 /// A voxel is at least this share of its width deep.
 const OF_WIDTH: f64 = 0.5;
 
-/// Width of a pixel of maps with `lateral` pixels side by side, metres; of pixels that are not square, the shorter side.
-/// `volume` is the box if it is not the default one, which is as wide as the wall. Counts do not matter.
-pub fn pixel_of(capture: &Capture, volume: Option<Volume>, lateral: usize) -> f64 {
-    let [x0, x1, y0, y1] = match volume {
-        Some(Volume { min, max }) => [min.x, max.x, min.y, max.y],
-        None => capture.wall_extent(),
-    };
-    (x1 - x0).min(y1 - y0) / lateral as f64
-}
-
 /// The text of an option, with its default where that is a value.
 fn help_of(row: &Row) -> String {
     let default = |name: &&'static str| {
@@ -391,25 +382,5 @@ impl Default for Method {
 /// # Errors
 /// The solver is not known.
 pub fn method(name: &str) -> Result<Method> {
-    choice("solver", name, SolverOptions::NAMES)?;
-    Ok(Method::named(name).unwrap_or_default())
-}
-
-/// The light-transport model of that name.
-///
-/// # Errors
-/// The name is not known.
-pub fn reflectance(name: &str) -> Result<Reflectance> {
-    choice("model", name, &Reflectance::ALL.map(Reflectance::name))?;
-    Ok(Reflectance::ALL.into_iter().find(|r| r.name() == name).unwrap_or(Reflectance::Cosine))
-}
-
-fn choice(option: &str, name: &str, here: &[&str]) -> Result<()> {
-    if here.contains(&name) {
-        return Ok(());
-    }
-    Err(Error::options(
-        format!("the {option} {name} is not known"),
-        format!("use {}, or leave it out", here.join(" or ")),
-    ))
+    Method::named(name).ok_or_else(|| unknown("solver", name, SolverOptions::NAMES))
 }

@@ -3,5 +3,7 @@
 pub mod rows;
 pub mod units;
 
-pub use rows::{ENOUGH_PAIRS, Given, OptionValue, Options, Preset, Range, Row, SceneTraits, default_text};
+pub use rows::{
+    ENOUGH_PAIRS, Given, NEAR, OptionValue, Options, Preset, Range, Row, SceneTraits, default_text,
+};
 pub(crate) use rows::{options, refused, words};

@@ -54,6 +54,9 @@ pub struct SceneTraits {
     pub pairs: usize,
 }
 
+/// The default near end of the reconstructed box, and that of the network's, in widths of the wall.
+pub const NEAR: f64 = 0.1;
+
 impl SceneTraits {
     /// The scenes of the paper: rendered, confocal, one cosine, a wall of about a metre.
     pub const DEFAULT: SceneTraits = SceneTraits {
@@ -67,7 +70,7 @@ impl SceneTraits {
 
     /// No surface is nearer than this by default, metres: a tenth of the wall, where the box of the network begins.
     pub fn near(&self) -> f64 {
-        crate::learned::NEAR * self.wall
+        NEAR * self.wall
     }
 
     /// The properties that follow from a scan: its kind of pairs, the width of its wall. The rest is as usual.

@@ -8,7 +8,6 @@ use serde::de::DeserializeOwned;
 use super::calibration::Correction;
 use crate::capture::{AxisOrder, Bounce, Gate, Pulse};
 use crate::engine::Bins;
-use crate::methods::reflectance;
 use crate::options::units;
 use crate::transport::{Reflectance, Volume};
 use crate::{Error, Result};
@@ -285,7 +284,7 @@ pub fn gate(text: &str) -> Read<Gate> {
 pub fn model(text: &str) -> Read<ReflectanceSetting> {
     match text.trim() {
         "auto" => Ok(ReflectanceSetting::Auto),
-        name => reflectance(name).map(ReflectanceSetting::Known).map_err(wanted),
+        name => Reflectance::named(name).map(ReflectanceSetting::Known).map_err(wanted),
     }
 }
 

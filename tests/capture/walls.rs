@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3, dvec3};
 use thirdbounce::Kind;
 use thirdbounce::capture::{Capture, read_with_notes, write};
 use thirdbounce::engine::default_volume;
-use thirdbounce::simulate::{Layout, Pairs, WallShape};
+use thirdbounce_simulate::{Layout, Pairs, WallShape};
 
 /// A capture with the points of these pairs, which keeps the true normals beside it.
 fn bare(pairs: Pairs) -> (Capture, [Option<Vec<DVec3>>; 2]) {

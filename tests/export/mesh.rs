@@ -12,9 +12,9 @@ use thirdbounce::engine::{Problem, Watch, default_volume};
 use thirdbounce::export::{mesh, ply, png};
 use thirdbounce::maps::{Layer, Maps};
 use thirdbounce::methods::SolverOptions;
-use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::surface::SurfaceOptions;
 use thirdbounce::transport::Grid;
+use thirdbounce_simulate::{RenderOptions, Scene, simulate, truth};
 
 struct Mesh {
     vertices: Vec<Vec3>,

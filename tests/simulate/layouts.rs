@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3, dvec2, dvec3};
 use std::path::Path;
 use thirdbounce::capture::{Capture, PairKind, read};
-use thirdbounce::simulate::*;
+use thirdbounce_simulate::*;
 
 use fixtures::scenes::*;
 

@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::path::Path;
 use thirdbounce::capture::Capture;
-use thirdbounce::simulate::*;
+use thirdbounce_simulate::*;
 
 use fixtures::scenes::*;
 

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, dvec3};
 use std::f64::consts::PI;
-use thirdbounce::simulate::*;
+use thirdbounce_simulate::*;
 
 use fixtures::scenes::*;
 

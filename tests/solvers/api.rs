@@ -7,12 +7,12 @@ use fixtures::captures::{assert_error, changed};
 use fixtures::device::*;
 use glam::dvec3;
 use thirdbounce::job::Request;
-use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::surface::SurfaceSettings;
 use thirdbounce::{
     Capture, Gpu, Kind, Reflectance, ReflectanceSetting, Result, Session, SessionOptions, Settings, Volume,
     evaluate, job, read, read_truth, reconstruct, reconstruct_file, reconstruct_with, session, write,
 };
+use thirdbounce_simulate::{RenderOptions, Scene, simulate};
 
 /// A small solve of the same bits in every run.
 fn small() -> Settings {
@@ -176,7 +176,7 @@ fn a_program_simulates_reconstructs_and_measures() {
     let folder = tempfile::tempdir().unwrap();
     let scene = Scene { scan: 8, bin_width: 0.02, occlusion: false, ..Scene::named("plates-front").unwrap() };
     let options = RenderOptions { noise: 0.05, ..Default::default() };
-    let (capture, truth) = thirdbounce::render(&scene, &options, 32).unwrap();
+    let (capture, truth) = thirdbounce_simulate::with_truth(&scene, &options, 32).unwrap();
     assert!(format!("{capture:?}").len() < 300, "a capture is shown as a summary: {capture:?}");
     let [file, of_truth] = ["capture.npz", "truth.npz"].map(|name| folder.path().join(name));
     thirdbounce::capture::write(&capture, &file).unwrap();

@@ -12,8 +12,8 @@ use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::Maps;
 use thirdbounce::methods::{Method, SolverOptions};
 use thirdbounce::options::{Preset, SceneTraits};
-use thirdbounce::simulate::{Dark, photon_noise};
 use thirdbounce::transport::{Grid, Volume};
+use thirdbounce_simulate::{Dark, photon_noise};
 
 /// Points of the scan along x and y, and the wall's side.
 const SCAN: usize = 24;

@@ -4,9 +4,9 @@ use std::ops::ControlFlow;
 
 use thirdbounce::job::Request;
 use thirdbounce::settings::Settings;
-use thirdbounce::simulate::{RenderOptions, Scene};
 use thirdbounce::surface::SurfaceOptions;
-use thirdbounce::{export, job, render};
+use thirdbounce::{export, job};
+use thirdbounce_simulate::{RenderOptions, Scene, with_truth};
 
 /// Two of three errors are within the expected depth error, of photons and of exact histograms. The uncertain half of the pixels
 /// is off by more than the certain one.
@@ -18,7 +18,7 @@ fn two_of_three_errors_are_within_the_expected_one() {
     for photons in [None, Some(30.0)] {
         let scene = Scene { scan: 16, bin_width: 0.01, photons, ..Scene::named("figure").unwrap() };
         let how = RenderOptions { noise: 0.05, ..Default::default() };
-        let (simulated, real) = render(&scene, &how, 64).unwrap();
+        let (simulated, real) = with_truth(&scene, &how, 64).unwrap();
         thirdbounce::capture::write(&simulated, &capture).unwrap();
         export::npz::write_truth(&truth, &real).unwrap();
         let loaded = job::load(&capture, &Settings::default()).unwrap();

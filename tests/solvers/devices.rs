@@ -4,8 +4,8 @@
 use fixtures::device::*;
 use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::Maps;
-use thirdbounce::simulate::{Layout, RenderOptions, Scene, simulate};
 use thirdbounce::{Capture, Settings, reconstruct};
+use thirdbounce_simulate::{Layout, RenderOptions, Scene, simulate};
 
 fn capture(change: impl FnOnce(&mut Scene)) -> Capture {
     let mut scene = Scene { scan: 16, bin_width: 0.02, photons: None, ..Scene::named("figure").unwrap() };

@@ -14,9 +14,9 @@ use rand_pcg::Pcg64;
 use thirdbounce::capture::{Capture, read, write};
 use thirdbounce::maps::Truth;
 use thirdbounce::measure::metrics;
-use thirdbounce::simulate::{Dark, Layout, RenderOptions, Scene, simulate, truth};
 use thirdbounce::transport::Reflectance;
 use thirdbounce::{Gpu, Grade, Settings, Verdict, prepare, reconstruct};
+use thirdbounce_simulate::{Dark, Layout, RenderOptions, Scene, simulate, truth};
 
 /// Pixels of the maps.
 const LATERAL: usize = 64;

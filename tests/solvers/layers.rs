@@ -8,10 +8,10 @@ use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::{Layer, Maps};
 use thirdbounce::measure::metrics;
 use thirdbounce::methods::SolverOptions;
-use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::surface::SurfaceOptions;
 use thirdbounce::surface::layers::{merge, split};
 use thirdbounce::transport::Grid;
+use thirdbounce_simulate::{RenderOptions, Scene, simulate, truth};
 
 const SIDE: usize = 12;
 

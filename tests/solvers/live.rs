@@ -16,8 +16,8 @@ use thirdbounce::measure::metrics;
 use thirdbounce::methods::{PaperOptions, SolverOptions};
 use thirdbounce::options::Preset;
 use thirdbounce::session::{Feed, Session, SessionOptions};
-use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::surface::{Follow, SurfaceOptions};
+use thirdbounce_simulate::{RenderOptions, Scene, simulate, truth};
 
 /// A letter of 16 x 16 points, 32 pixels.
 fn options() -> SurfaceOptions {
@@ -86,8 +86,8 @@ fn a_thing_that_appears_where_nothing_was_is_found_within_two_frames() {
     let near = Scene { scan: 16, bin_width: 0.02, bins: Some(192), ..Scene::named("plane").unwrap() };
     let [mut alone, mut both] = [near.clone(), near];
     let small = |scene: &mut Scene, at| {
-        let mesh = thirdbounce::simulate::rectangle(at, dvec3(0.0, 0.1, 0.0), dvec3(0.1, 0.0, 0.0));
-        scene.objects.push(thirdbounce::simulate::Object { mesh, albedo: 1.0 });
+        let mesh = thirdbounce_simulate::rectangle(at, dvec3(0.0, 0.1, 0.0), dvec3(0.1, 0.0, 0.0));
+        scene.objects.push(thirdbounce_simulate::Object { mesh, albedo: 1.0 });
     };
     for scene in [&mut alone, &mut both] {
         scene.objects.clear();
@@ -361,8 +361,8 @@ fn subtracts_what_rests(photons: Option<f64>) {
     let gpu = host();
     let plate = |x: f64, z: f64, half: f64| {
         let mesh =
-            thirdbounce::simulate::rectangle(dvec3(x, 0.0, z), dvec3(0.0, half, 0.0), dvec3(half, 0.0, 0.0));
-        thirdbounce::simulate::Object { mesh, albedo: 1.0 }
+            thirdbounce_simulate::rectangle(dvec3(x, 0.0, z), dvec3(0.0, half, 0.0), dvec3(half, 0.0, 0.0));
+        thirdbounce_simulate::Object { mesh, albedo: 1.0 }
     };
     let places: Vec<f64> = (0..8).map(|frame| -0.4 + 0.1 * f64::from(frame)).collect();
     let scene = |x: f64| Scene { objects: vec![plate(x, 0.5, 0.08)], ..letter(0.0) };
@@ -372,7 +372,7 @@ fn subtracts_what_rests(photons: Option<f64>) {
         let mut scene = Scene { photons, seed: number as u64, ..scene(places[number]) };
         scene.objects.push(plate(0.1, 0.95, 0.3));
         let render = RenderOptions { noise: 0.02, ..Default::default() };
-        let made = thirdbounce::simulate::simulate_exposed(&scene, exposure, &render, &|_| {}).unwrap();
+        let made = thirdbounce_simulate::simulate_exposed(&scene, exposure, &render, &|_| {}).unwrap();
         exposure = made.exposure;
         made.capture
     };

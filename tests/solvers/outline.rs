@@ -7,9 +7,9 @@ use thirdbounce::engine::{Plan, Problem, Reconstruction, Solver, TimedSchedule, 
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::methods::{PaperOptions, SolverOptions};
 use thirdbounce::options::Preset;
-use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::surface::SurfaceOptions;
 use thirdbounce::transport::Grid;
+use thirdbounce_simulate::{RenderOptions, Scene, simulate};
 
 /// How often the commands of all parts run.
 fn reported(parts: &[TimedSchedule]) -> BTreeMap<String, usize> {

@@ -10,9 +10,9 @@ use thirdbounce::gpu::{Buffer, Gpu, Schedule};
 use thirdbounce::measure::metrics;
 use thirdbounce::methods::{Decay, NoiseTerm, PaperOptions, paper};
 use thirdbounce::options::Preset;
-use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::transport::kernels::buffer;
 use thirdbounce::transport::{Binning, Gradient, Grid, Sampling};
+use thirdbounce_simulate::{RenderOptions, Scene, simulate, truth};
 
 #[test]
 fn published_defaults() {
@@ -190,7 +190,7 @@ fn the_noise_term_finds_the_letter_through_dark_counts() {
     let mut scene = Scene::named("letter-l").unwrap();
     (scene.scan, scene.bin_width) = (16, 0.01);
     scene.photons = Some(50.0);
-    scene.dark = thirdbounce::simulate::Dark::Fraction(0.01);
+    scene.dark = thirdbounce_simulate::Dark::Fraction(0.01);
     let capture = simulate(&scene, &RenderOptions { noise: 0.01, ..Default::default() }).unwrap().capture;
     for noise in [NoiseTerm::Bin, NoiseTerm::Histogram] {
         // The published weight of the L1 term is for 32 x 32 points on a wall of 2 m; it prunes this scan of

@@ -8,8 +8,8 @@ use thirdbounce::engine::{Accumulation, Problem, Reconstruction, Solver, default
 use thirdbounce::gpu::Gpu;
 use thirdbounce::methods::{NoiseTerm, PaperOptions, paper};
 use thirdbounce::options::Preset;
-use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::transport::{Grid, Sampling, Volume};
+use thirdbounce_simulate::{RenderOptions, Scene, simulate};
 
 fn solve(gpu: &Gpu, o: &PaperOptions) -> Reconstruction {
     let scene = Scene { scan: 8, bin_width: 0.01, ..Scene::named("letter-l").unwrap() };

@@ -10,9 +10,9 @@ use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::maps::Maps;
 use thirdbounce::methods::{PaperOptions, paper};
 use thirdbounce::options::Preset;
-use thirdbounce::simulate::{Object, RenderOptions, Scene, rectangle, simulate};
 use thirdbounce::transport::kernels::buffer;
 use thirdbounce::transport::{Binning, Grid, Model, Sampling};
+use thirdbounce_simulate::{Object, RenderOptions, Scene, rectangle, simulate};
 use thirdbounce_verify::Sample;
 
 /// Histograms of the given samples on the device.

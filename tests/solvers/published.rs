@@ -9,8 +9,8 @@ use thirdbounce::capture::Capture;
 use thirdbounce::engine::{Problem, Solver, Watch, default_volume, gaussian_weights};
 use thirdbounce::methods::PaperOptions;
 use thirdbounce::options::Preset;
-use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::transport::Grid;
+use thirdbounce_simulate::{RenderOptions, Scene, simulate};
 
 /// Side of the wall, metres.
 const WALL: f64 = 1.0;

@@ -11,10 +11,10 @@ use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::measure::metrics;
 use thirdbounce::methods::{PaperOptions, SolverOptions};
 use thirdbounce::options::SceneTraits;
-use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::surface::SurfaceOptions;
 use thirdbounce::transport::Grid;
 use thirdbounce::{Grade, Kind, Settings, reconstruct};
+use thirdbounce_simulate::{RenderOptions, Scene, simulate, truth};
 
 const LATERAL: usize = 24;
 

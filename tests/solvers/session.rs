@@ -17,9 +17,9 @@ use thirdbounce::methods::{PaperOptions, SolverOptions};
 use thirdbounce::options::{Preset, SceneTraits};
 use thirdbounce::session::{Session, SessionOptions, default_grid};
 use thirdbounce::settings::Settings;
-use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::surface::{Begin, SurfaceOptions};
 use thirdbounce::transport::Reflectance;
+use thirdbounce_simulate::{RenderOptions, Scene, simulate};
 
 /// A scan of `side` × `side` confocal points on a 1 m wall, with bins of this width and without counts.
 pub fn scan(side: usize, bin_width: f64) -> Capture {

@@ -13,9 +13,9 @@ use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::measure::{Metrics, metrics};
 use thirdbounce::methods::SolverOptions;
 use thirdbounce::options::SceneTraits;
-use thirdbounce::simulate::{Layout, RenderOptions, Scene, WallShape, simulate, truth};
 use thirdbounce::surface::{Begin, Pixels, SurfaceOptions};
 use thirdbounce::transport::{Grid, Reflectance};
+use thirdbounce_simulate::{Layout, RenderOptions, Scene, WallShape, simulate, truth};
 
 fn maps(albedo: Vec<f32>, depth: Vec<f32>) -> Maps {
     let count = albedo.len();

@@ -15,9 +15,9 @@ use thirdbounce::maps::Truth;
 use thirdbounce::measure::{Metrics, metrics};
 use thirdbounce::methods::SolverOptions;
 use thirdbounce::options::{Preset, SceneTraits};
-use thirdbounce::simulate::{Dark, RenderOptions, Scene, simulate, truth};
 use thirdbounce::transport::Grid;
 use thirdbounce::{Settings, reconstruct};
+use thirdbounce_simulate::{Dark, RenderOptions, Scene, simulate, truth};
 
 const LATERAL: usize = 32;
 const DARK: f64 = 6.0;

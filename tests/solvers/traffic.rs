@@ -1,8 +1,8 @@
 //! Submissions to the device, and waits of the host for them: what a solve costs beside its kernels.
 
 use thirdbounce::gpu::{Faults, Gpu, GpuOptions};
-use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::{Session, Settings, reconstruct, session};
+use thirdbounce_simulate::{RenderOptions, Scene, simulate};
 
 /// Submissions and waits of what `runs` does beside the rounds that it returns. Their number depends on the last bits of sums, and
 /// each has one of both.

@@ -10,7 +10,7 @@ use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 use thirdbounce::Grade;
 use thirdbounce::capture::{Capture, METRES_PER_PICOSECOND};
-use thirdbounce::simulate::{Dark, RenderOptions, Scene, simulate, truth};
+use thirdbounce_simulate::{Dark, RenderOptions, Scene, simulate, truth};
 
 use crate::instrument::{ALIKE, delayed, echoed, line, on_wall, placed, placed_by, solved, weighed};
 

@@ -83,3 +83,10 @@ pub fn panic_message(panic: &(dyn Any + Send)) -> Option<&str> {
 
 /// Result of a fallible operation.
 pub type Result<T> = std::result::Result<T, Error>;
+
+/// An error of [`Kind::Options`]: a name that is none of these.
+#[doc(hidden)]
+pub fn unknown(option: &str, name: &str, here: &[&str]) -> Error {
+    let hint = format!("use {}, or leave it out", here.join(" or "));
+    Error::options(format!("the {option} {name} is not known"), hint)
+}

@@ -11,8 +11,8 @@ use thirdbounce::job::{self, Loaded, Request, SolverOptions};
 use thirdbounce::learned::LearnedStart;
 use thirdbounce::measure::PaperMeasure;
 use thirdbounce::methods::PaperOptions;
-use thirdbounce::simulate::DEFAULT_RESOLUTION;
 use thirdbounce::{Capture, Error, Maps, Result};
+use thirdbounce_simulate::DEFAULT_RESOLUTION;
 
 use thirdbounce_command::cli::progress::Meter;
 use thirdbounce_command::cli::settings::{ALL, DeviceArgs, SettingsArgs};

@@ -16,12 +16,12 @@ use thirdbounce::files::staging::Staging;
 use thirdbounce::job::load;
 use thirdbounce::maps::Maps;
 use thirdbounce::settings::Settings;
-use thirdbounce::simulate::{
-    Dark, Layout, Mesh, Object, Reflectance, Scene, capsule, photon_noise, rectangle, sphere, torus,
-};
 use thirdbounce_command::family;
 use thirdbounce_command::found::{captures_in, ending, entries, stem};
 use thirdbounce_command::record::ResultRecord;
+use thirdbounce_simulate::{
+    Dark, Layout, Mesh, Object, Reflectance, Scene, capsule, photon_noise, rectangle, sphere, torus,
+};
 
 /// Groups of cases.
 pub const GROUPS: [&str; 8] =

@@ -14,33 +14,20 @@ pub mod run;
 
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser};
-use thirdbounce_command::cli::program::{self, HostArgs, version};
-use thirdbounce_command::cli::settings;
+use thirdbounce_command::cli::program;
 
 use arguments::BenchmarkArgs;
 
-/// Compare methods on captures and scenes, at several photon counts: error against run time, as one page. Skips what is done.
-#[derive(Parser)]
-#[command(name = "thirdbounce-benchmark", bin_name = "thirdbounce benchmark", version = version())]
-struct Program {
-    #[command(flatten)]
-    arguments: Box<BenchmarkArgs>,
-    #[command(flatten)]
-    host: HostArgs,
-}
-
 /// The command line.
 pub fn command() -> clap::Command {
-    settings::completed(Program::command())
+    const ABOUT: &str = "Compare methods on captures and scenes, at several photon counts: error against run time, as one page. \
+                         Skips what is done.";
+    program::beside::<BenchmarkArgs>("thirdbounce-benchmark", "thirdbounce benchmark", ABOUT)
 }
 
 /// Runs the program.
 pub fn main() -> ExitCode {
-    program::run(command(), |program: Program| {
-        program.host.begin()?;
-        arguments::run(&program.arguments)
-    })
+    program::run_beside(command(), arguments::run)
 }
 
 #[cfg(test)]

@@ -3,8 +3,8 @@
 use std::hash::Hasher;
 
 use serde::{Deserialize, Serialize};
-use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::{Error, Gpu, GpuOptions, Maps, Result, Settings, reconstruct};
+use thirdbounce_simulate::{RenderOptions, Scene, simulate};
 
 /// Largest relative difference of a quantity where vectors differ, which round sums in another order.
 const MOST: f64 = 1e-3;

@@ -8,9 +8,9 @@ use crate::overview;
 use thirdbounce::engine::Progress;
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::job::{Outcome, Request, load, places, run};
-use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::surface::SurfaceOptions;
 use thirdbounce::{Result, capture, export};
+use thirdbounce_simulate::{RenderOptions, Scene, simulate, truth};
 
 /// The result of the demo.
 #[derive(Debug)]

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 use thirdbounce::files::array::Array;
 use thirdbounce::files::atomic;
 use thirdbounce::learned::{BANDS, DEEP, SIDE};
-use thirdbounce::simulate::EmptyRoom;
 use thirdbounce::{Error, Kind, Result, Settings, capture, export, job, learned};
+use thirdbounce_simulate::EmptyRoom;
 
 use crate::family::{FamilyCase, kind};
 use crate::json::write_json;

@@ -4,24 +4,16 @@
 #![warn(clippy::too_many_lines)]
 
 pub mod batch;
-pub mod calibration;
 pub mod cli;
 pub mod demo;
 pub mod evaluate;
 pub mod family;
 pub mod found;
 pub mod generate;
-#[cfg(feature = "tags")]
-pub mod histogram;
 pub mod inspect;
-#[cfg(feature = "tags")]
-pub mod instrument;
 pub mod json;
-#[cfg(feature = "live")]
-pub mod live;
 pub mod overview;
 pub mod profile;
 pub mod record;
 pub mod simulated;
-pub mod track;
 pub mod virtual_wall;

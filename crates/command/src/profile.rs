@@ -9,6 +9,7 @@ pub mod check;
 pub mod compile;
 mod kernels;
 pub mod limits;
+mod on_host;
 mod trace;
 mod work;
 
@@ -154,7 +155,13 @@ pub fn profile(
     let mut recording = gpu.take_recording();
     let prepare_s = complete(&mut recording, began, loaded.seconds);
     let voxels = voxels_of(&result.plan, done.job.solver.common().min_depth);
-    let kernels = kernels::times(&recording, &work::works_of(&result.plan), &result.trace, &voxels, &limits);
+    let kernels = kernels::times(
+        &recording,
+        &work::works_of(&result.plan, gpu.is_host()),
+        &result.trace,
+        &voxels,
+        &limits,
+    );
     let profile = Profile {
         version: env!("CARGO_PKG_VERSION").into(),
         device: device_of(&gpu),

@@ -5,8 +5,8 @@ use std::time::Instant;
 
 use thirdbounce::capture::Summary;
 use thirdbounce::job::places;
-use thirdbounce::simulate::{EmptyRoom, Exposure, RenderOptions, RenderProgress, Scene};
-use thirdbounce::{Error, Result, capture, export, simulate};
+use thirdbounce::{Error, Result, capture, export};
+use thirdbounce_simulate::{self as simulator, EmptyRoom, Exposure, RenderOptions, RenderProgress, Scene};
 
 /// What to simulate, and the files to write.
 #[derive(Debug, Clone, PartialEq)]
@@ -85,13 +85,13 @@ pub fn simulate(
     }
     let start = Instant::now();
     let shown = if what.is_truth_of_things { &what.scene.without_room() } else { &what.scene };
-    let truth = what.truth.as_ref().map(|(_, n)| simulate::truth(shown, *n)).transpose()?;
+    let truth = what.truth.as_ref().map(|(_, n)| simulator::truth(shown, *n)).transpose()?;
     let (mut rendering, mut room) = match &what.empty {
         Some((_, how)) => {
-            let (rendering, room) = simulate::simulate_empty(&what.scene, how, &what.render, hear)?;
+            let (rendering, room) = simulator::simulate_empty(&what.scene, how, &what.render, hear)?;
             (rendering, Some(room))
         }
-        None => (simulate::simulate_exposed(&what.scene, what.exposure, &what.render, hear)?, None),
+        None => (simulator::simulate_exposed(&what.scene, what.exposure, &what.render, hear)?, None),
     };
     if what.hide_pulse {
         rendering.capture.pulse = None;

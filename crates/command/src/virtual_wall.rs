@@ -9,8 +9,8 @@ use thirdbounce::engine::{background, room_light, variances, without_room};
 use thirdbounce::export::report::{self, Report};
 use thirdbounce::judge::FoundPulse;
 use thirdbounce::maps::Maps;
-use thirdbounce::simulate::{Mesh, Object, Pairs, RenderOptions, Scene, render_pairs};
 use thirdbounce::{Error, Kind, Result, Settings, export, job};
+use thirdbounce_simulate::{Mesh, Object, Pairs, RenderOptions, Scene, render_pairs};
 
 /// Levels to which albedos are rounded: each is an object of the renderer.
 const LEVELS: usize = 64;
@@ -352,7 +352,7 @@ fn keep_measured(capture: &mut Capture, measured: &Capture, pitch: f64) -> usize
 
 #[cfg(test)]
 mod tests {
-    use thirdbounce::simulate::{Layout, simulate, truth};
+    use thirdbounce_simulate::{Layout, simulate, truth};
 
     use super::*;
 

@@ -109,11 +109,6 @@ impl DeviceExecutor {
         })
     }
 
-    /// Buffers of this executor.
-    pub fn arena(&self) -> &DeviceArena {
-        &self.arena
-    }
-
     /// A submission before launch.
     pub(super) fn flight(&mut self, commands: vk::CommandBuffer) -> Flight {
         let ticket = Ticket(self.submitted + 1);

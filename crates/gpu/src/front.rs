@@ -65,8 +65,8 @@ enum ExecutorKind {
 
 /// Calls a method of both executors.
 macro_rules! both {
-    ($self:ident, $executor:ident => $call:expr) => {
-        match &mut $self.0 {
+    ($kind:expr, $executor:ident => $call:expr) => {
+        match $kind {
             ExecutorKind::Device($executor) => $call,
             ExecutorKind::Host($executor) => $call,
         }
@@ -90,10 +90,7 @@ impl Executor {
 
     /// Bytes of all its buffers, including host-visible ones.
     pub fn bytes(&self) -> u64 {
-        match &self.0 {
-            ExecutorKind::Device(executor) => executor.arena().bytes(),
-            ExecutorKind::Host(executor) => executor.arena.bytes(),
-        }
+        both!(&self.0, executor => executor.arena.bytes())
     }
 
     /// Bytes of a buffer.
@@ -102,7 +99,7 @@ impl Executor {
     /// The plan has no such buffer.
     pub fn size(&self, buffer: Buffer) -> u64 {
         match &self.0 {
-            ExecutorKind::Device(executor) => executor.arena().size(buffer),
+            ExecutorKind::Device(executor) => executor.arena.size(buffer),
             ExecutorKind::Host(executor) => 4 * executor.arena.words(buffer).len() as u64,
         }
     }
@@ -136,10 +133,7 @@ impl Executor {
 
     /// Whether a kernel of this name exists.
     pub fn has_kernel(&self, kernel: Kernel) -> bool {
-        match &self.0 {
-            ExecutorKind::Device(executor) => executor.has_kernel(kernel),
-            ExecutorKind::Host(executor) => executor.has_kernel(kernel),
-        }
+        both!(&self.0, executor => executor.has_kernel(kernel))
     }
 
     /// Creates the descriptor sets required to submit `schedule`.
@@ -232,33 +226,27 @@ impl Executor {
 
     /// An empty schedule with the memory of a kept one.
     pub fn spare_schedule(&mut self) -> Schedule {
-        both!(self, executor => executor.spare_schedule())
+        both!(&mut self.0, executor => executor.spare_schedule())
     }
 
     /// Keeps the memory of a schedule for reuse.
     pub fn keep_schedule(&mut self, schedule: Schedule) {
-        both!(self, executor => executor.keep_schedule(schedule));
+        both!(&mut self.0, executor => executor.keep_schedule(schedule));
     }
 
     /// Device seconds of all finished submissions; 0 without timestamps.
     pub fn gpu_seconds(&self) -> f64 {
-        match &self.0 {
-            ExecutorKind::Device(executor) => executor.gpu_seconds(),
-            ExecutorKind::Host(executor) => executor.seconds(),
-        }
+        both!(&self.0, executor => executor.gpu_seconds())
     }
 
     /// Times by kernel of finished submissions; empty unless the device was opened with `timings`.
     pub fn times(&self) -> &BTreeMap<&'static str, KernelTime> {
-        match &self.0 {
-            ExecutorKind::Device(executor) => executor.times(),
-            ExecutorKind::Host(executor) => executor.times(),
-        }
+        both!(&self.0, executor => executor.times())
     }
 
     /// Returns and resets the times by kernel.
     pub fn take_times(&mut self) -> BTreeMap<&'static str, KernelTime> {
-        both!(self, executor => executor.take_times())
+        both!(&mut self.0, executor => executor.take_times())
     }
 
     /// Reads `items` of an upload or readback buffer, counted in whole `T`s.
@@ -307,7 +295,7 @@ impl Executor {
     /// # Panics
     /// A submission that may access the buffer is pending, or the buffer is missing or too short.
     pub fn write_at(&mut self, buffer: Buffer, offset: u64, bytes: &[u8]) {
-        both!(self, executor => executor.write_at(buffer, offset, bytes));
+        both!(&mut self.0, executor => executor.write_at(buffer, offset, bytes));
     }
 
     /// Copies an external range to the start of the device buffer `to`, after all earlier submissions and the

@@ -296,7 +296,7 @@ impl HostExecutor {
         Ticket(self.submitted)
     }
 
-    pub fn seconds(&self) -> f64 {
+    pub fn gpu_seconds(&self) -> f64 {
         self.seconds
     }
 

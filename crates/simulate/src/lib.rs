@@ -64,3 +64,16 @@ pub use scene::{Object, Scene};
 pub use shapes::{capsule, ellipsoid, rectangle, sphere, torus};
 pub use truth::{DEFAULT_RESOLUTION, truth};
 pub use wall::WallShape;
+
+/// A capture of a known scene, with its truth of `resolution` pixels per side.
+///
+/// # Errors
+/// `Kind::Input` and `Kind::Options`: a scene or options out of range.
+pub fn with_truth(
+    scene: &Scene,
+    options: &RenderOptions,
+    resolution: usize,
+) -> Result<(capture::Capture, maps::Truth)> {
+    let truth = truth(scene, resolution)?;
+    Ok((simulate(scene, options)?.capture, truth))
+}

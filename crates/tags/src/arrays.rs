@@ -10,18 +10,15 @@
 use std::path::Path;
 
 use super::{Inputs, Passed, Record};
+use crate::capture::formats::recognised::{CHANNELS, NANOTIMES, TIMES};
 use crate::capture::formats::{self, hdf5::Hdf5};
 use crate::error::{Error, Result};
 use crate::files::archive::{Elements, Npz};
 use crate::files::array::Head;
 
-/// Names of the arrays, the first is what Swabian calls it. Case does not matter, and groups before them do not.
-const TIMES: [&str; 8] =
-    ["timestamps", "timestamp", "timestamps_ps", "times", "times_ps", "time", "time_tags", "timetags"];
-const CHANNELS: [&str; 3] = ["channels", "channel", "channel_ids"];
+/// Names of further arrays.
 const TYPES: [&str; 2] = ["event_types", "types"];
 const DETECTORS: [&str; 1] = ["detectors"];
-const NANOTIMES: [&str; 1] = ["nanotimes"];
 /// Tags that are read at once: at least, and at most where a chunk of HDF5 has more than the least.
 const PART: [usize; 2] = [1 << 16, 1 << 24];
 

@@ -19,6 +19,7 @@ mod header;
 mod histogram;
 mod lines;
 mod order;
+pub mod program;
 mod records;
 mod shape;
 mod stored;
@@ -35,6 +36,7 @@ pub use guess::Guess;
 pub use histogram::{Asked, Histograms, PileUp, histogram};
 pub use stored::Readings;
 pub use survey::{Channel, Survey};
+pub use thirdbounce_capture::formats::recognised::hold_tags;
 pub use zero::Zero;
 
 use std::fs::File;
@@ -217,19 +219,6 @@ const BLOCK: usize = 1 << 20;
 
 /// Shortest time between laser pulses, seconds.
 const SHORTEST: f64 = 0.8e-9;
-
-/// Whether a file holds time tags, by its content.
-pub fn hold_tags(path: &Path) -> bool {
-    let content = || {
-        let mut magic = vec![];
-        open(path).ok()?.take(8).read_to_end(&mut magic).ok()?;
-        match Holder::of(&magic) {
-            Some(holder) => arrays::Named::find(holder, path).ok().map(|_| Content::Tags),
-            None => recognised::of(path).ok()?.map(|known| known.content),
-        }
-    };
-    content() == Some(Content::Tags)
-}
 
 fn open(path: &Path) -> Result<File> {
     // Asked before it is opened: opening a pipe waits for its writer.

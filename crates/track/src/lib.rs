@@ -18,6 +18,7 @@ mod fit;
 mod information;
 mod locate;
 mod normal;
+pub mod program;
 mod sight;
 mod start;
 mod symmetric;

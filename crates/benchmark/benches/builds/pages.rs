@@ -32,9 +32,9 @@ pub fn parts(page: &Page) -> Vec<Part> {
     let cases = page.compared();
     let names: Vec<&str> = cases.iter().map(|case| case.name.as_str()).collect();
     let title = format!("Error against run time, means over {} cases", cases.len());
-    let standing = page.standing();
-    let short = format!("*{title}.{}.*", standing.split_once(';').map_or(&standing[..], |(first, _)| first));
-    let about = format!("*{title} ({}); {}.{}*", names.join(", "), page.machine(), standing);
+    let about =
+        format!("Cases: {}. Device: {}.\n\n{}\n", names.join(", "), page.machine(), page.standing().trim());
+    let caption = format!("*{title}; [cases, device and table](docs/accuracy.md#benchmark).*");
     let picture = |path: &str| format!("![{title}]({path})");
     let limited = cases.iter().flat_map(|case| &case.sides).find(|side| side.limited);
     let limit = limited.map_or(String::new(), |side| {
@@ -43,11 +43,15 @@ pub fn parts(page: &Page) -> Vec<Part> {
     });
     vec![
         Part { file: CURVE, name: None, text: figure(&cases, &title, &[0, 1, 2, 3], true).svg() },
-        Part { file: "README.md", name: Some("benchmark"), text: format!("{}\n\n{short}\n", picture(CURVE)) },
+        Part {
+            file: "README.md",
+            name: Some("benchmark"),
+            text: format!("{}\n\n{caption}\n", picture(CURVE)),
+        },
         Part {
             file: "docs/accuracy.md",
             name: Some("benchmark"),
-            text: format!("{}\n\n{about}\n\n{}{limit}", picture("benchmark.svg"), page.means().markdown()),
+            text: format!("{}\n\n{about}\n{}{limit}", picture("benchmark.svg"), page.means().markdown()),
         },
         Part { file: "docs/accuracy.md", name: Some("stability"), text: page.stability_table().markdown() },
         Part { file: "README.md", name: Some("gpus"), text: gpus().iter().map(sentence).collect() },
@@ -83,8 +87,7 @@ fn number(value: &Value) -> f64 {
 fn sentence(gpu: &Value) -> String {
     let [default, named] = ["default", "named"].map(|case| &gpu["case"][case]);
     format!(
-        "*{}: a simulated figure of 32 × 32 scan points on 128 × 128 pixels in {:.2} s, with a named model in {:.2} s (medians with stored \
-         kernels; [measured on GPUs](docs/devices.md#measured-on-gpus)).*\n",
+        "*{}: 32 × 32 scan points, 128 × 128 pixels in {:.2} s, with a named model {:.2} s ([measured on GPUs](docs/devices.md#measured-on-gpus)).*\n",
         gpu["device"].as_str().unwrap_or_default(),
         number(&default["median_s"]),
         number(&named["median_s"]),

@@ -9,9 +9,9 @@ use glam::DVec3;
 use thirdbounce::capture::{self, Capture};
 use thirdbounce::engine::Accumulation;
 use thirdbounce::maps::{Maps, percentile};
-use thirdbounce::simulate::{Placement, Reflectance, RenderOptions, Scene, simulate};
 use thirdbounce::transport::{Geometry, Reflectance as Model};
 use thirdbounce_benchmark::pages::Stability;
+use thirdbounce_simulate::{Placement, Reflectance, RenderOptions, Scene, simulate};
 
 use super::run::{Build, Run};
 

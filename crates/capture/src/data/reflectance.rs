@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::error::{Result, unknown};
+
 /// How hidden surfaces reflect light: the factors of a value besides albedo and falloff.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -35,6 +37,17 @@ impl Reflectance {
             Reflectance::Retroreflective => "retroreflective",
             Reflectance::Isotropic => "isotropic",
         }
+    }
+
+    /// The reflectance of that name.
+    ///
+    /// # Errors
+    /// The name is not known.
+    #[doc(hidden)]
+    pub fn named(name: &str) -> Result<Reflectance> {
+        let is = |known: &Reflectance| known.name() == name;
+        let names = || Self::ALL.map(Reflectance::name);
+        Self::ALL.into_iter().find(is).ok_or_else(|| unknown("model", name, &names()))
     }
 
     /// True if the light depends on the surface's normal.

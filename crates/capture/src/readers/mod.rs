@@ -129,6 +129,7 @@ fn read_through(
             None => unknown("the format is not known"),
         }),
     };
+    let found = found.map_err(|e| recognised::tags_in_arrays(path).map_or(e, |tags| tags.refusal()));
     let capture = match found.map_err(place)? {
         ReadCapture::Unread(unread) => return unread.read(name, (steps, how), notes, &place),
         ReadCapture::Whole(capture) => Capture { name, ..capture },

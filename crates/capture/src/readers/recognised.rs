@@ -4,7 +4,9 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use super::hdf5::Hdf5;
 use crate::error::{Error, Result};
+use crate::files::archive::Npz;
 
 /// Content of a file of an instrument.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,6 +71,14 @@ const LOG_WORDS: [&str; 3] = ["\"result_set\"", "\"mp_histo", "\"bin_shift\""];
 
 /// First bytes of what gzip packed.
 pub const GZIP: [u8; 2] = [0x1f, 0x8b];
+
+/// Names of arrays of time tags, the first is what Swabian calls it. Case does not matter, and groups before them do not.
+pub const TIMES: [&str; 8] =
+    ["timestamps", "timestamp", "timestamps_ps", "times", "times_ps", "time", "time_tags", "timetags"];
+/// Those of channels.
+pub const CHANNELS: [&str; 3] = ["channels", "channel", "channel_ids"];
+/// Those of delays in Photon-HDF5.
+pub const NANOTIMES: [&str; 1] = ["nanotimes"];
 
 /// Bytes that are looked at.
 const LOOKED_AT: u64 = 1 << 15;
@@ -248,6 +258,24 @@ impl FileStart {
     }
 }
 
+/// Whether a file holds time tags, by its content.
+pub fn hold_tags(path: &Path) -> bool {
+    let known = || of(path).ok().flatten();
+    path.is_file() && tags_in_arrays(path).or_else(known).is_some_and(|known| known.content == Content::Tags)
+}
+
+/// An npz or HDF5 file whose arrays are time tags by their names.
+pub(super) fn tags_in_arrays(path: &Path) -> Option<Recognised> {
+    let (names, is_hdf5) = match Npz::open(path) {
+        Ok(npz) => (npz.names(), false),
+        Err(_) => (Hdf5::open(path).ok()?.names(), true),
+    };
+    let last = |name: &String| name.rsplit('/').next().unwrap_or_default().to_lowercase();
+    let one = |known: &[&str]| names.iter().filter(|name| known.contains(&last(name).as_str())).count() == 1;
+    let are_tags = one(&TIMES) && (one(&CHANNELS) || is_hdf5 && one(&NANOTIMES));
+    are_tags.then(|| row("time tags as arrays", Content::Tags, |_| false, ""))
+}
+
 /// The row of a file; `None` if no row fits.
 ///
 /// # Errors
@@ -306,7 +334,12 @@ impl Recognised {
             ),
             _ => Error::input(
                 format!("holds {}, without the wall points of a capture", self.name),
-                "make a capture of it with the points of the scan: `histogram`",
+                match self.content {
+                    Content::Tags => {
+                        "make a capture of it with the points of the scan: thirdbounce info FILE prints the command"
+                    }
+                    _ => "make a capture of it with the points of the scan: thirdbounce histogram",
+                },
             ),
         }
     }

@@ -6,9 +6,9 @@ use thirdbounce::{Result, capture, job};
 
 use crate::virtual_wall::{ConfocalScan, VirtualWall};
 
+use super::interrupt;
 use super::settings::{FILE, SettingsArgs};
 use super::terminal::{print, say};
-use super::{interrupt, tagged};
 
 #[derive(clap::Args)]
 pub struct ConvertArgs {
@@ -61,7 +61,6 @@ pub fn run(args: &ConvertArgs) -> Result<()> {
     if let Some(text) = &args.as_confocal {
         return confocal(args, VirtualWall { scan: VirtualWall::scan(text)?, wall: settings.wall });
     }
-    tagged::refuse(&args.from)?;
     let opened = capture::read_given(&args.from, &job::reading(&settings)?)?;
     opened.notes.iter().for_each(|note| say(&format!("note: {note}")));
     let mut capture = opened.capture;

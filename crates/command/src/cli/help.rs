@@ -1,11 +1,9 @@
 //! `thirdbounce help [TOPIC]`: a verb, a group of settings, or the options of a method.
 
-use std::ffi::OsString;
-
 use clap::Command;
 use thirdbounce::{Error, Result};
 
-use super::benchmark;
+use super::beside;
 use super::settings::{topic, topics};
 use super::terminal::print;
 
@@ -22,8 +20,8 @@ pub fn run(args: &HelpArgs, mut command: Command) -> Result<()> {
         print(command.render_long_help().to_string().trim_end());
         return Ok(());
     };
-    if name == benchmark::NAME {
-        return benchmark::run_with([OsString::from("--help")]).map(drop);
+    if let Some(shown) = beside::help(name) {
+        return shown.map(drop);
     }
     let found = command.find_subcommand(name).cloned().or_else(|| topic(name));
     let lines = if found.is_none() { options(&command, name) } else { vec![] };

@@ -3,15 +3,16 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use thirdbounce::capture::formats::recognised::hold_tags;
 use thirdbounce::capture::scan::decimals;
 use thirdbounce::{Result, export, job};
 
 use crate::inspect::{Inspection, inspect};
 
+use super::program::HostArgs;
 use super::settings::CaptureArgs;
-use super::tagged::FromTags;
 use super::terminal::{json, print, say};
-use super::{advice, interrupt, tables};
+use super::{advice, beside, interrupt, tables};
 
 #[derive(clap::Args)]
 pub struct InfoArgs {
@@ -27,18 +28,14 @@ pub struct InfoArgs {
     /// file, or into capture.png in this folder
     #[arg(long, value_name = "DIR or FILE")]
     png: Option<PathBuf>,
-    #[command(flatten)]
-    tags: FromTags,
 }
 
-/// Ends with 1 if there is a problem with the capture or the plan. Of time tags without a scan it shows what they hold.
-pub fn run(args: &InfoArgs) -> Result<ExitCode> {
-    let CaptureArgs { capture, settings, device } = &args.capture;
-    if let Some(text) = args.tags.shown(capture, args.json)? {
-        print(&text);
-        return Ok(ExitCode::SUCCESS);
+/// Ends with 1 if there is a problem with the capture or the plan. Of time tags it shows what they hold.
+pub fn run(args: &InfoArgs, host: &HostArgs) -> Result<ExitCode> {
+    if hold_tags(&args.capture.capture) {
+        return beside::about_tags(&args.capture.capture, args.json, host);
     }
-    let (loaded, request) = args.tags.load(capture, settings, device)?;
+    let (loaded, request) = args.capture.load()?;
     let mut found = inspect(&request, &loaded)?;
     found.problems.iter_mut().for_each(|problem| *problem = advice::text(problem).into());
     if let Some(place) = &args.png {

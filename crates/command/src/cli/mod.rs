@@ -2,21 +2,15 @@
 
 pub mod advice;
 mod batch;
-mod benchmark;
+mod beside;
 mod compiled;
 mod convert;
 mod demo;
 mod devices;
 mod evaluate;
 mod help;
-#[cfg(feature = "tags")]
-mod histogram;
 mod info;
 pub mod interrupt;
-#[cfg(feature = "live")]
-mod live;
-#[cfg(not(all(feature = "live", feature = "tags")))]
-mod off;
 mod profile;
 pub mod program;
 pub mod progress;
@@ -24,17 +18,12 @@ mod reconstruct;
 mod schedule;
 pub mod settings;
 pub mod simulate;
-mod tables;
-#[cfg(feature = "tags")]
-mod tagged;
-#[cfg(not(feature = "tags"))]
-#[path = "untagged.rs"]
-mod tagged;
+pub mod tables;
 pub mod terminal;
-mod track;
 
 use std::process::ExitCode;
 
+use beside::ProgramWords;
 use clap::{CommandFactory, Parser, Subcommand};
 use program::{HostArgs, version};
 use thirdbounce::Result;
@@ -79,24 +68,16 @@ enum Verb {
     /// Make a capture of a known scene, and its truth.
     Simulate(Box<simulate::SimulateArgs>),
     /// Reconstruct frames as they come, from a folder or the standard input; show them on a page.
-    #[cfg(feature = "live")]
-    Live(Box<live::LiveArgs>),
-    /// Reconstruct frames as they come: needs a build with the feature live.
-    #[cfg(not(feature = "live"))]
-    Live(off::OffArgs),
+    Live(ProgramWords),
     /// Positions of one to three objects with their errors, from few histograms, and their tracks over frames.
-    Track(Box<track::TrackArgs>),
+    Track(ProgramWords),
     /// Measure an earlier result against truth.
     Evaluate(evaluate::EvaluateArgs),
     /// Compare methods on captures and scenes, at several photon counts: error against run time, as one page. Skips what is
     /// done.
-    Benchmark(benchmark::BenchmarkWords),
+    Benchmark(ProgramWords),
     /// Make a capture of time tags: PicoQuant .ptu, arrays, text.
-    #[cfg(feature = "tags")]
-    Histogram(Box<histogram::HistogramArgs>),
-    /// Make a capture of time tags: needs a build with the feature tags.
-    #[cfg(not(feature = "tags"))]
-    Histogram(off::OffArgs),
+    Histogram(ProgramWords),
     /// Convert a capture of any known format to npz, y-tal HDF5 or Stanford MATLAB; sum or thin it on request.
     Convert(convert::ConvertArgs),
     /// Show where the time of a reconstruction goes: kernels and their limits on the device, idle time, a timeline.
@@ -118,21 +99,15 @@ fn run(cli: Cli) -> Result<ExitCode> {
     cli.host.begin()?;
     match cli.verb {
         Verb::Batch(args) => return batch::run(&args),
-        Verb::Benchmark(args) => return benchmark::run(&args, &cli.host),
-        #[cfg(feature = "live")]
-        Verb::Live(args) => return live::run(&args),
-        #[cfg(not(feature = "live"))]
-        Verb::Live(_) => return Err(off::refused("live", "live frames")),
+        Verb::Benchmark(words) => return beside::run("benchmark", &words, &cli.host),
+        Verb::Live(words) => return beside::run("live", &words, &cli.host),
+        Verb::Track(words) => return beside::run("track", &words, &cli.host),
+        Verb::Histogram(words) => return beside::run("histogram", &words, &cli.host),
         Verb::Simulate(args) => return simulate::run(&args),
         Verb::Demo(args) => demo::run(&args),
-        Verb::Info(args) => return info::run(&args),
+        Verb::Info(args) => return info::run(&args, &cli.host),
         Verb::Reconstruct(args) => reconstruct::run(&args),
-        Verb::Track(args) => track::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
-        #[cfg(feature = "tags")]
-        Verb::Histogram(args) => histogram::run(&args),
-        #[cfg(not(feature = "tags"))]
-        Verb::Histogram(_) => return Err(off::refused("tags", "time tags")),
         Verb::Convert(args) => convert::run(&args),
         Verb::Profile(args) => profile::run(&args),
         Verb::Schedule(args) => schedule::run(&args),

@@ -164,8 +164,8 @@ fn limits_text(l: &DeviceLimits) -> String {
     let of_set = |(set, rate): (&u64, f64)| format!("{} {}/s", bytes(*set), bytes(rate as u64));
     let sets: Vec<String> = limits::SETS.iter().zip(l.set_bytes_per_s).map(of_set).collect();
     format!(
-        "limits    per second: fma {}, atomics to histograms {};\n\
-        \x20         copies {}/s read and written, within {}; a dispatch {}\n",
+        "limits    per second: fma {}, additions to histograms {};\n\
+        \x20         memory {}/s, within {}; a dispatch {}\n",
         known(l.fma_per_s),
         known(l.scattered_atomic_per_s),
         bytes(l.copy_bytes_per_s as u64),
@@ -182,11 +182,11 @@ fn table(p: &Profile) -> String {
     let (t, g, i) = (&p.totals, &p.gaps, &p.iterations);
     let mut out = format!("device    {} ({})\n{}\n", p.device.name, p.device.driver, limits_text(&p.limits));
     out += &format!(
-        "{:<22}{:>7}{:>11}{:>8}{:>12}{:>12}{:>19}  {}\n",
+        "{:<28}{:>7}{:>11}{:>9}{:>12}{:>12}{:>24}  {}\n",
         "kernel", "calls", "seconds", "share", "pairs", "pairs/s", "of its limit", "registers, shared memory"
     );
     p.kernels.iter().for_each(|k| out += &line(k));
-    out += &format!("{:<22}{:>7}{:>11.4}\n\n", "all", "", t.device_s);
+    out += &format!("{:<28}{:>7}{:>11.4}\n\n", "all", "", t.device_s);
     let per = |whole: f64| 100.0 * whole / t.solve_s.max(1e-12);
     out += &format!(
         "time      solved in {}; the device computed {} ({:.1} %), load {}, preparation {}\n",
@@ -223,7 +223,7 @@ fn line(k: &KernelProfile) -> String {
     let statistics = k.statistics.iter().filter(|(n, _)| tells(n)).map(|(n, v)| format!("{n} {v}"));
     let notes: Vec<String> = statistics.collect();
     format!(
-        "{:<22}{:>7}{:>11.4}{:>6.1} %{pairs:>12}{rate:>12}{limit:>19}  {}\n",
+        "{:<28}{:>7}{:>11.4}{:>7.1} %{pairs:>12}{rate:>12}{limit:>24}  {}\n",
         k.name,
         k.calls,
         k.seconds,

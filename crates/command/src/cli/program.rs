@@ -1,12 +1,13 @@
 //! What all programs of the command line have: options of the host, one message for an error, exit codes.
 
+use std::ffi::OsString;
 use std::panic::AssertUnwindSafe;
 use std::process::ExitCode;
 
-use clap::{Command, FromArgMatches};
+use clap::{Args, Command, CommandFactory, FromArgMatches, Parser};
 use thirdbounce::{Error, Kind, Result};
 
-use super::{advice, interrupt, terminal};
+use super::{advice, interrupt, settings, terminal};
 
 /// Memory and threads of the host.
 #[derive(clap::Args)]
@@ -24,6 +25,12 @@ pub struct HostArgs {
 const MOST_THREADS: i64 = 1024;
 
 impl HostArgs {
+    /// These options as words of a command line.
+    pub fn words(&self) -> impl Iterator<Item = OsString> {
+        let memory = self.host_memory.iter().flat_map(|size| ["--host-memory".into(), size.into()]);
+        memory.chain(self.threads.iter().flat_map(|count| ["--threads".into(), count.to_string().into()]))
+    }
+
     /// Listens for Ctrl-C, starts the threads that all parallel work of the process shares (without a number at first use, one
     /// per processor), and limits the memory.
     ///
@@ -45,6 +52,29 @@ impl HostArgs {
         thirdbounce::host::set_limit(memory);
         Ok(())
     }
+}
+
+/// What follows the name of a program beside the command.
+#[derive(Parser)]
+struct Beside<A: Args> {
+    #[command(flatten)]
+    arguments: A,
+    #[command(flatten)]
+    host: HostArgs,
+}
+
+/// The command line of a program that a verb of the command runs.
+pub fn beside<A: Args>(name: &'static str, verb: &'static str, about: &'static str) -> Command {
+    let command = Beside::<A>::command().name(name).bin_name(verb).version(version()).about(about);
+    settings::completed(command).mut_subcommands(settings::completed)
+}
+
+/// Runs such a program.
+pub fn run_beside<A: Args>(command: Command, program: impl FnOnce(&A) -> Result<ExitCode>) -> ExitCode {
+    run(command, |all: Beside<A>| {
+        all.host.begin()?;
+        program(&all.arguments)
+    })
 }
 
 /// The version, with the commit if the build names one.

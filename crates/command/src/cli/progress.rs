@@ -10,7 +10,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use thirdbounce::engine::{Doing, Progress};
 use thirdbounce::gpu::kernels_are_kept;
 use thirdbounce::job::PREVIEW;
-use thirdbounce::simulate::RenderProgress;
+use thirdbounce_simulate::RenderProgress;
 
 use super::interrupt;
 use super::tables::{number, seconds};

@@ -9,7 +9,6 @@ use thirdbounce::{Error, Result, job};
 
 use super::progress::Meter;
 use super::settings::{self, CaptureArgs};
-use super::tagged::FromTags;
 use super::terminal::{json, print, say};
 use super::{interrupt, tables};
 
@@ -51,8 +50,6 @@ pub struct ReconstructArgs {
     /// Write what is known of every pixel to this file, .npz, for training (learn/README.md)
     #[arg(long, value_name = "FILE", hide = true)]
     pub layers: Option<PathBuf>,
-    #[command(flatten)]
-    tags: FromTags,
 }
 
 impl ReconstructArgs {
@@ -71,10 +68,10 @@ impl ReconstructArgs {
         self.capture.settings.settings().map(drop)
     }
 
-    /// Reads a capture, or makes one of time tags, as the options say.
+    /// Reads a capture as the options say.
     pub fn load(&self, path: &Path) -> Result<(Loaded, Request)> {
         let CaptureArgs { settings, device, .. } = &self.capture;
-        let (loaded, request) = self.tags.load(path, settings, device)?;
+        let (loaded, request) = settings::load(path, settings, device)?;
         let request = Request {
             timings: self.timings,
             truth: self.truth.clone(),

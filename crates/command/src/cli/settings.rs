@@ -237,8 +237,6 @@ pub fn completed(verb: Command) -> Command {
     let has_settings = verb.get_arguments().any(|arg| arg.get_id() == "model");
     let verb = verb.mut_args(|arg| {
         let takes = arg.get_action().takes_values() && !arg.is_positional();
-        let is_of_tags = has_settings && arg.get_help_heading() == Some("Time tags");
-        let arg = if is_of_tags { arg.hide(true) } else { arg };
         if takes { arg.allow_negative_numbers(true) } else { arg }
     });
     if !has_settings {

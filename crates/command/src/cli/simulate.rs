@@ -9,11 +9,11 @@ use clap::{CommandFactory, FromArgMatches, Parser};
 use glam::DVec2;
 use thirdbounce::options::units::{length, number, path};
 use thirdbounce::settings::{DevicePosition, Settings};
-use thirdbounce::simulate::{
+use thirdbounce::{Error, Result};
+use thirdbounce_simulate::{
     DEFAULT_RESOLUTION, Dark, EmptyRoom, Layout, MeshPlace, Motion, Reflectance, RenderOptions, Scene,
     WallShape,
 };
-use thirdbounce::{Error, Result};
 
 use crate::generate::{self, Generation, GenerationOptions};
 use crate::simulated::{self, Simulation};

@@ -7,8 +7,8 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use thirdbounce::capture::{Capture, Pulse};
 use thirdbounce::maps::{Maps, Truth};
-use thirdbounce::simulate::*;
 use thirdbounce::{Kind, Result};
+use thirdbounce_simulate::*;
 
 use super::dice::{Dice, one_at};
 use super::losses::Losses;

@@ -4,7 +4,7 @@ use glam::{DVec3, dvec2, dvec3};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use thirdbounce::capture::Pulse;
-use thirdbounce::simulate::*;
+use thirdbounce_simulate::*;
 
 use super::case::{FamilyCase, Ranges, TO_TRAIN, TRAINING, conditions, seen, things};
 use super::dice::Dice;

@@ -4,7 +4,7 @@
 use std::f64::consts::TAU;
 
 use glam::{DVec3, dvec2, dvec3};
-use thirdbounce::simulate::{Mesh, Placement, capsule, ellipsoid, letter, rectangle, torus};
+use thirdbounce_simulate::{Mesh, Placement, capsule, ellipsoid, letter, rectangle, torus};
 
 use super::dice::Dice;
 

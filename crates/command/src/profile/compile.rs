@@ -15,7 +15,7 @@ use thirdbounce::gpu::{Gpu, GpuOptions, Kernel};
 use thirdbounce::job::{Request, places, plain, planned};
 use thirdbounce::learned::schedule::LEARNED_KERNELS;
 use thirdbounce::methods::SolverOptions;
-use thirdbounce::simulate::{RenderOptions, Scene, simulate};
+use thirdbounce_simulate::{RenderOptions, Scene, simulate};
 
 /// The compiled kernels of a solve.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

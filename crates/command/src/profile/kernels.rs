@@ -32,7 +32,7 @@ pub struct KernelProfile {
     pub pairs: f64,
     /// Pairs per second, if it evaluates pairs.
     pub pairs_per_s: Option<f64>,
-    /// Bytes of the buffers that its dispatches read and write, each once per dispatch.
+    /// Bytes that its dispatches touch at least: in each buffer the parts of the pairs and points of a dispatch, once per dispatch.
     pub bytes: f64,
     /// Bytes per second.
     pub bytes_per_s: Option<f64>,
@@ -86,15 +86,18 @@ pub fn times(
         let k = all.entry(ran.kernel).or_default();
         k.calls += 1;
         k.seconds += ran.to - ran.from;
+        let value = |name| recording.stages[stage].value(name);
+        let pairs = value("pairs").unwrap_or(0) as f64;
+        let active = active_at(trace, value("iteration").unwrap_or(0) as usize);
+        k.bytes += works.get(ran.kernel).map_or(0.0, |work| work.bytes(pairs, active as f64));
         // All dispatches of a pass in one stage together evaluate every pair once.
         let voxels = pass_of(ran.kernel).and_then(|p| p.pairs);
         if let Some(voxels) = voxels.filter(|_| met.insert((ran.kernel, stage))) {
-            let value = |name| recording.stages[stage].value(name);
             let voxels = match voxels {
-                Voxels::Active => active_at(trace, value("iteration").unwrap_or(0) as usize),
+                Voxels::Active => active,
                 Voxels::Grid => value("lateral").and_then(|n| grid_voxels.get(&n).copied()).unwrap_or(0),
             };
-            k.pairs += voxels as f64 * value("pairs").unwrap_or(0) as f64;
+            k.pairs += voxels as f64 * pairs;
         }
     }
     let total: f64 = all.values().map(|k| k.seconds).sum();
@@ -116,10 +119,9 @@ pub fn times(
                 k.pairs_per_s = Some(k.pairs / k.seconds);
             }
             let work = works.get(kernel).copied().unwrap_or_default();
-            k.bytes = (work.bytes * k.calls) as f64;
             if k.bytes > 0.0 && k.seconds > 0.0 {
                 k.bytes_per_s = Some(k.bytes / k.seconds);
-                let bound = work.bound(limits, k.calls, k.pairs);
+                let bound = work.bound(limits, k.calls, k.bytes, k.pairs);
                 (k.limit, k.share_of_limit) = (bound.map(|b| b.0), bound.map(|b| b.1 / k.seconds));
             }
             k
@@ -230,7 +232,7 @@ mod tests {
     #[test]
     fn pairs_count_once_per_pass_with_the_voxels_of_their_iteration() {
         let limits = DeviceLimits { copy_bytes_per_s: 1e3, ..DeviceLimits::default() };
-        let works = [("forward", Work { bytes: 100, ..Work::default() })].into();
+        let works = [("forward", Work { bytes_of_pair: 20.0, ..Work::default() })].into();
         let k = times(&recording(), &works, &trace(), &[(8, 1000)].into(), &limits);
         let of = |name: &str| k.iter().find(|k| k.name == name).unwrap();
         assert_eq!((of("forward").calls, of("forward").pairs, of("forward").seconds), (3, 550.0, 2.75));

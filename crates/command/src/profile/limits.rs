@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
+use super::on_host;
 use thirdbounce::gpu::{Arena, Buffer, BufferPlan, DeviceKind, Executor, Gpu, KernelCode, Place, Schedule};
 use thirdbounce::transport::kernels::{buffer, kernel};
 use thirdbounce::{Error, Result};
@@ -13,10 +14,11 @@ use thirdbounce::{Error, Result};
 pub struct DeviceLimits {
     /// Fused multiply-adds per second.
     pub fma_per_s: f64,
-    /// Atomic additions in global memory per second with lanes in histograms of their own, fp32 if the device has such.
+    /// Additions to histograms per second: atomic ones in global memory with lanes in histograms of their own, fp32 if the device has
+    /// such; on the host plain ones with threads in histograms of their own.
     #[serde(default)]
     pub scattered_atomic_per_s: f64,
-    /// Bytes per second, read and written, of a copy from buffer to buffer.
+    /// Bytes per second, read and written, of a copy from buffer to buffer; on the host of reads.
     pub copy_bytes_per_s: f64,
     /// The same of copies within sets of [`SETS`] bytes, which caches may hold.
     #[serde(default)]
@@ -25,15 +27,15 @@ pub struct DeviceLimits {
     pub dispatch_s: f64,
 }
 
-/// Bytes of both buffers of copies that caches may hold.
-pub const SETS: [u64; 3] = [1 << 20, 8 << 20, 64 << 20];
+/// Working sets that caches may hold, bytes.
+pub const SETS: [u64; 4] = [1 << 16, 1 << 20, 8 << 20, 64 << 20];
 
 impl DeviceLimits {
-    /// Returns the limit of a dispatch that reads and writes `bytes` bytes, bytes per second: that of the smallest measured working set
-    /// of at least an eighth of them, and at least that of a copy in device memory.
+    /// Returns the limit of a dispatch that reads and writes `bytes` bytes, bytes per second: the highest of the measured working sets
+    /// of at least an eighth of them, and of device memory.
     pub fn bytes_per_s(&self, bytes: u64) -> f64 {
         let in_caches = SETS.iter().zip(self.set_bytes_per_s).filter(|(set, _)| bytes < 8 * **set);
-        in_caches.map(|(_, rate)| rate).next().unwrap_or(0.0).max(self.copy_bytes_per_s)
+        in_caches.map(|(_, rate)| rate).fold(self.copy_bytes_per_s, f64::max)
     }
 }
 
@@ -93,7 +95,13 @@ fn scattered_float_right(word: u32, i: u32, did: [u32; 3]) -> bool {
 pub fn measure(gpu: &Gpu) -> Result<DeviceLimits> {
     let mut bench = Bench::new(gpu)?;
     if gpu.is_host() {
-        return bench.of_host();
+        return Ok(DeviceLimits {
+            fma_per_s: on_host::multiply_adds(),
+            scattered_atomic_per_s: on_host::additions(),
+            copy_bytes_per_s: on_host::loads(on_host::BEYOND),
+            set_bytes_per_s: SETS.map(on_host::loads),
+            dispatch_s: bench.command()?,
+        });
     }
     let float = gpu.accumulations.float;
     let copy = bench.copy()?;
@@ -101,11 +109,13 @@ pub fn measure(gpu: &Gpu) -> Result<DeviceLimits> {
         fma_per_s: bench.rate(&FMA)?,
         scattered_atomic_per_s: bench.rate(if float { &SCATTERED_FLOAT } else { &SCATTERED })?,
         copy_bytes_per_s: copy.max(bench.copy_within(u64::MAX)?),
-        set_bytes_per_s: [
-            bench.copy_within(SETS[0])?,
-            bench.copy_within(SETS[1])?,
-            bench.copy_within(SETS[2])?,
-        ],
+        set_bytes_per_s: {
+            let mut rates = [0.0; SETS.len()];
+            for (rate, bytes) in rates.iter_mut().zip(SETS) {
+                *rate = bench.copy_within(bytes)?;
+            }
+            rates
+        },
         dispatch_s: bench.dispatch()?,
     })
 }
@@ -148,20 +158,11 @@ impl Bench {
         Ok(Bench { gpu: gpu.clone(), executor, copied })
     }
 
-    /// The limits of the host: copies, and a command that does next to nothing. The others are zero, as probes are modules of
-    /// Vulkan devices.
-    fn of_host(&mut self) -> Result<DeviceLimits> {
-        let copy_bytes_per_s = self.copy()?;
-        let mut of_set = |bytes: u64| -> Result<f64> {
-            let copies = |n: u64| Schedule::of(|s| (0..n).for_each(|_| s.copy(FROM, TO, bytes / 2)));
-            let (copies, seconds) = self.best(1, &copies)?;
-            Ok((bytes * copies) as f64 / seconds)
-        };
-        let set_bytes_per_s = [of_set(SETS[0])?, of_set(SETS[1])?, of_set(SETS[2])?];
+    /// Seconds of a command of the host that does next to nothing.
+    fn command(&mut self) -> Result<f64> {
         let (commands, seconds) =
             self.best(1024, &|n| Schedule::of(|s| (0..n).for_each(|_| s.fill(TO, 4, 0))))?;
-        let dispatch_s = seconds / commands as f64;
-        Ok(DeviceLimits { copy_bytes_per_s, set_bytes_per_s, dispatch_s, ..DeviceLimits::default() })
+        Ok(seconds / commands as f64)
     }
 
     fn add(&mut self, code: &'static KernelCode) -> Result<()> {

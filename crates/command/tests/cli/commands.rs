@@ -465,32 +465,25 @@ fn help_and_version_are_there() {
         "reconstruct",
         "batch",
         "simulate",
-        "track",
         "evaluate",
         "convert",
         "profile",
         "schedule",
         "devices",
         "help",
+        // Programs of their own.
+        "track",
+        "live",
+        "histogram",
+        "benchmark",
     ];
-    let [live, tags] = [cfg!(feature = "live"), cfg!(feature = "tags")];
-    let featured = [("live", live), ("histogram", tags)];
-    let on = featured.into_iter().filter(|(_, on)| *on).map(|(verb, _)| verb);
-    for verb in verbs.into_iter().chain(on) {
+    for verb in verbs {
         // What every verb has is last, below the verb's own.
         let help = succeed(&[verb, "--help"]);
         let behind = help.split("\nHost:\n").nth(1).expect("a section");
         let options: Vec<&str> = behind.lines().filter(|line| line.starts_with("      --")).collect();
         let [memory, threads] = options[..] else { panic!("{verb}: {help}") };
         assert!(memory.contains("--host-memory") && threads.contains("--threads"), "{verb}: {help}");
-    }
-    if !live {
-        fail(&["live", "--frames", "1", "scans"], 1, "its feature live is off");
-    }
-    if !tags {
-        fail(&["histogram", "--help"], 1, "its feature tags is off");
-        fail(&["info", "scan.ptu"], 1, "scan.ptu: this build has no time tags");
-        fail(&["reconstruct", "scan.ptu", "--scan", "8x8", "--out", "out"], 1, "its feature tags is off");
     }
     // A reader that stops early, as head does, is no error.
     for arguments in [&["help", "paper"][..], &["help"]] {
@@ -505,6 +498,31 @@ fn help_and_version_are_there() {
         assert!(done.status.success() && done.stderr.is_empty(), "{arguments:?}: {}", stderr(&done));
     }
     assert!(succeed(&["simulate", "--help"]).contains("letter-X"));
+}
+
+/// A copy of the command alone, where nothing is beside it and in PATH.
+#[test]
+fn a_program_that_is_absent_is_named_with_its_package() {
+    let folder = tempfile::tempdir().unwrap();
+    let alone = folder.path().join("thirdbounce");
+    std::fs::copy(program(), &alone).unwrap();
+    std::fs::write(folder.path().join("scan.ptu"), b"PQTTTR\0\0").unwrap();
+    for (arguments, package) in [
+        (&["live", "-"][..], "thirdbounce-live"),
+        (&["track", "a.npz"], "thirdbounce-track"),
+        (&["histogram", "--help"], "thirdbounce-tags"),
+        (&["help", "histogram"], "thirdbounce-tags"),
+        (&["info", "scan.ptu"], "thirdbounce-tags"),
+        (&["benchmark"], "thirdbounce-benchmark"),
+    ] {
+        let output = Command::new(&alone).args(arguments).env("PATH", "").current_dir(folder.path()).output();
+        let (text, code) = output.map(|output| (stderr(&output), output.status.code())).unwrap();
+        assert_eq!(code, Some(1), "{arguments:?}: {text}");
+        assert!(
+            text.contains(&format!("cargo build --release --package {package}")),
+            "{arguments:?}: {text}"
+        );
+    }
 }
 
 #[test]

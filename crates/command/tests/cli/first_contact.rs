@@ -229,9 +229,6 @@ fn what_a_newcomer_types_leads_on() {
     assert!(place.refused("words.txt", &[]).contains(r#"if s.lstrip()[:1] in "+-.0123456789""#));
     place.put("zones.csv", format!("sep=,\n#RAWBIN,{}\n#RAW000,0,1,2\n", "0,1,2"));
     assert!(place.refused("zones.csv", &[]).contains(".json.gz"));
-    if cfg!(not(feature = "tags")) {
-        assert!(place.refused("words.txt", &[]).contains("this build has no `histogram`"));
-    }
 }
 
 #[test]

@@ -6,16 +6,11 @@ mod device_at;
 mod empty;
 mod examples;
 mod family;
-#[cfg(feature = "tags")]
 mod first_contact;
 mod gpu;
 mod high_pass;
 mod hostile;
-#[cfg(feature = "live")]
-mod live;
 mod model;
-#[cfg(feature = "live")]
-mod moving;
 mod originals;
 mod page;
 mod preview;
@@ -24,8 +19,5 @@ mod pulse;
 mod rig;
 mod scans;
 mod spot;
-#[cfg(feature = "tags")]
-mod tags;
 mod trace;
-mod track;
 mod warnings;

@@ -11,8 +11,8 @@ use thirdbounce::job::{Loaded, PREVIEW, Request, load, run};
 use thirdbounce::measure::metrics;
 use thirdbounce::methods::{PaperOptions, SolverOptions};
 use thirdbounce::settings::Settings;
-use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::surface::SurfaceOptions;
+use thirdbounce_simulate::{RenderOptions, Scene, simulate, truth};
 
 /// A letter at 16 x 16 points, bins of 1 cm.
 fn scene() -> Scene {

@@ -131,6 +131,42 @@ fn the_profile_holds_every_kernel_with_its_figures() {
     }
 }
 
+/// On the host no kernel is above a limit, passes over pairs have one of arithmetic, and columns stand below their headings.
+#[test]
+#[cfg_attr(
+    debug_assertions,
+    ignore = "the loops that measure the host are part of the command: needs an optimised build"
+)]
+fn the_host_is_a_roofline() {
+    let (capture, file) = (profiled().path("z.npz"), profiled().path("host.json"));
+    let options = ["--lateral", "32", "--iterations", "16", "--model", "cosine", "--support", "fixed"];
+    let text = succeed(
+        &[&["profile", &capture, "--device", "host", "--quiet", "--json", &file], &options[..]].concat(),
+    );
+    let profile = json(Path::new(&file));
+    assert!(number(&profile["limits"], "fma_per_s") > 1e8, "{}", profile["limits"]);
+    let (mut of_arithmetic, mut limited) = (0, 0);
+    for kernel in profile["kernels"].as_array().unwrap() {
+        of_arithmetic +=
+            usize::from(["arithmetic", "additions"].contains(&kernel["limit"].as_str().unwrap_or("")));
+        if let Some(share) = kernel["share_of_limit"].as_f64() {
+            limited += 1;
+            assert!(share > 0.0 && share <= 1.0, "{kernel}");
+        }
+    }
+    assert!(of_arithmetic >= 2 && limited > 8, "{text}");
+    let lines: Vec<&str> = text.lines().skip_while(|line| !line.starts_with("kernel ")).collect();
+    let ends = |column: &str| lines[0].find(column).expect("a heading") + column.len();
+    for line in lines.iter().skip(1).take_while(|line| !line.starts_with("all ")) {
+        let (at_share, at_limit) = (ends("share"), ends("of its limit"));
+        assert!(
+            line[..at_share].ends_with(" %") && line.as_bytes().get(at_share) == Some(&b' '),
+            "{line}\n{text}"
+        );
+        assert!(line[..at_limit].ends_with(['%', '-']), "{line}\n{text}");
+    }
+}
+
 #[test]
 fn the_parts_are_no_more_than_the_whole() {
     for (solver, _, profile, _) in &profiled().runs {

@@ -15,10 +15,10 @@ use thirdbounce::files::array::Array;
 use thirdbounce::job::{Request, load, run};
 use thirdbounce::measure::metrics;
 use thirdbounce::methods::SolverOptions;
-use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::surface::SurfaceOptions;
 use thirdbounce::transport::{Grid, Volume};
 use thirdbounce::{ImpulseResponse, Kind, Settings};
+use thirdbounce_simulate::{RenderOptions, Scene, simulate, truth};
 
 const FWHM: f64 = 0.04;
 

@@ -11,9 +11,9 @@ use thirdbounce::job::load;
 use thirdbounce::measure::metrics;
 use thirdbounce::methods::SolverOptions;
 use thirdbounce::settings::Settings;
-use thirdbounce::simulate::{Layout, RenderOptions, Scene, simulate, truth};
 use thirdbounce::surface::SurfaceOptions;
 use thirdbounce::transport::Grid;
+use thirdbounce_simulate::{Layout, RenderOptions, Scene, simulate, truth};
 
 /// Two steps of a scan of 16 x 16 points.
 const WIDE: f64 = 0.125;
@@ -47,7 +47,7 @@ fn a_simulated_spot_spreads_paths_as_its_points_do() {
     let plate = |spots| {
         let mut scene = scene(spots);
         scene.objects.truncate(1);
-        scene.objects[0].mesh = thirdbounce::simulate::sphere(glam::dvec3(0.3, 0.0, 0.7), 0.01);
+        scene.objects[0].mesh = thirdbounce_simulate::sphere(glam::dvec3(0.3, 0.0, 0.7), 0.01);
         scene.layout = Layout::OneLaser { point: glam::dvec2(-0.1, 0.0) };
         scene
     };

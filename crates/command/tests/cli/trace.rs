@@ -11,8 +11,8 @@ use thirdbounce::engine::{Problem, Progress, Reconstruction, Solver, Watch, defa
 use thirdbounce::gpu::Gpu;
 use thirdbounce::methods::PaperOptions;
 use thirdbounce::options::Preset;
-use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::transport::Grid;
+use thirdbounce_simulate::{RenderOptions, Scene, simulate};
 
 #[test]
 fn a_trace_with_figures() {

@@ -84,38 +84,9 @@ fn what_cannot_be_ends_with_one() {
 }
 
 #[test]
-#[cfg(feature = "tags")]
-fn time_tags_are_known_to_every_verb() {
+fn lines_of_a_hint_stay_lines() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).display().to_string();
-    let writer = tag_fixtures::tags::scanned(0x0001_0207);
-    let (ptu, csv) = (path("scan.ptu"), path("scan.csv"));
-    std::fs::write(&ptu, writer.file(4e-12, 1e-7, &[])).unwrap();
-    let shown = succeed(&["info", &ptu]);
-    for words in [
-        "tags      generic (MultiHarp, PicoHarp 330), T2",
-        "channel   2: 468 photons",
-        "marker    1: 13",
-        "marker    3: 4",
-        "11.3350 MHz",
-        "duration  ",
-        "thirdbounce histogram ",
-        " --wall SIZE --lines 1,2 ",
-    ] {
-        assert!(shown.contains(words), "{words} is not in\n{shown}");
-    }
-    let json: Value = serde_json::from_str(&succeed(&["info", &ptu, "--json"])).unwrap();
-    assert_eq!((json["channels"][0][1].as_u64(), json["markers"][0][1].as_u64()), (Some(468), Some(13)));
-    fail(&["convert", &ptu, &path("made.npz")], 1, "holds time tags (generic (MultiHarp, PicoHarp 330), T2)");
-    // Unspecified channels are guessed: laser pulses have the most tags.
-    let tags = tag_fixtures::tags::csv(&writer.wanted).replace("\n0,", "\n1,");
-    std::fs::write(&csv, tags).unwrap();
-    let shown = succeed(&["info", &csv]);
-    assert!(shown.contains("channel   2: 468 photons") && shown.contains("--sync-channel 1"), "{shown}");
-    // With its scan, a file is inspected as a capture.
-    let scan = ["--scan", "2x2", "--wall", "1m", "--pixels", "1", "--rounds", "3"];
-    assert!(succeed(&[&["info", &ptu][..], &scan, &SHORT].concat()).contains("2 x 2 = 4 pairs, confocal"));
-    // Lines of a hint stay lines.
     std::fs::write(path("counts.npy"), thirdbounce::files::array::Array::from_i64(&[2, 3], &[1; 6]).to_npy())
         .unwrap();
     let text = stderr(&thirdbounce(&["info", &path("counts.npy")]));

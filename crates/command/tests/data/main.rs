@@ -12,7 +12,6 @@ mod positions;
 mod real;
 mod recipes;
 mod scipy;
-#[cfg(feature = "tags")]
 mod tags;
 mod ytal;
 
@@ -85,7 +84,6 @@ fn main() -> ExitCode {
     ]);
     all.extend(trials!["needs Python", with("json"), learn::weights_are_ranked_by_the_light_that_they_leave]);
     all.extend(trials!["needs Python with y-tal", with("tal"), ytal::ytal_opens_ours_and_we_open_its]);
-    #[cfg(feature = "tags")]
     all.extend(trials![
         "needs Python with ptufile",
         with("ptufile, numpy"),

@@ -6,7 +6,7 @@ use std::process::Command;
 use fixtures::captures::changed;
 use glam::{DVec2, DVec3, dvec3};
 use thirdbounce::capture::{Capture, read, write};
-use thirdbounce::simulate::{Layout, Pairs, WallShape};
+use thirdbounce_simulate::{Layout, Pairs, WallShape};
 
 const HIDDEN: DVec3 = dvec3(0.12, -0.05, 0.6);
 

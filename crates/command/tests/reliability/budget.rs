@@ -10,9 +10,9 @@ use thirdbounce::gpu::{
 };
 use thirdbounce::job::Request;
 use thirdbounce::methods::{SolverOptions, paper};
-use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::transport::{Grid, Model, Reflectance, Volume, Wall};
 use thirdbounce::{Error, Kind, Settings, job};
+use thirdbounce_simulate::{RenderOptions, Scene, simulate};
 
 use super::ledger::{Held, Row, clear, holds};
 use super::small::{files, loaded, open, surface};

@@ -6,10 +6,10 @@ use std::path::Path;
 use thirdbounce::engine::Accumulation;
 use thirdbounce::files::atomic::{DiskFault, inject};
 use thirdbounce::job::{self, Request};
-use thirdbounce::simulate::{RenderOptions, Scene};
 use thirdbounce::{Error, Kind, Result, capture};
 use thirdbounce_command::profile::{self, ProfileRequest};
 use thirdbounce_command::simulated::{Simulation, simulate};
+use thirdbounce_simulate::{RenderOptions, Scene};
 
 use super::Share;
 use super::ledger::{Held, Row, clear, holds};

@@ -12,10 +12,10 @@ use thirdbounce::job::Loaded;
 use thirdbounce::methods::{NoiseTerm, PaperOptions, SolverOptions};
 use thirdbounce::options::Preset;
 use thirdbounce::settings::Settings;
-use thirdbounce::simulate::{Layout, RenderOptions, Scene, WallShape, simulate, truth};
 use thirdbounce::surface::SurfaceOptions;
 use thirdbounce::transport::Reflectance;
 use thirdbounce::{Result, capture, export, job};
+use thirdbounce_simulate::{Layout, RenderOptions, Scene, WallShape, simulate, truth};
 
 /// Files that many cases share.
 pub struct Files {

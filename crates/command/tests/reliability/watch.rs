@@ -14,11 +14,11 @@ use thirdbounce::engine::{Accumulation, Problem, Reconstruction, Solver, default
 use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::methods::{PaperOptions, SolverOptions, paper};
 use thirdbounce::options::Preset;
-use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::surface::{Placed, SurfaceOptions};
 use thirdbounce::transport::Grid;
 use thirdbounce::transport::kernels::*;
 use thirdbounce::{Kind, surface};
+use thirdbounce_simulate::{RenderOptions, Scene, simulate};
 use thirdbounce_verify::place;
 
 /// The lowest bit: the first kernel in schedule order that found a fault.

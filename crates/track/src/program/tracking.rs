@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use crate::calibration;
 use serde_json::{Value, json};
 use thirdbounce::capture::{Capture, Reflectance};
 use thirdbounce::engine::{background, room_light, variances, without_room};
@@ -11,9 +10,12 @@ use thirdbounce::export::track::{TrackRow, csv, figure, page};
 use thirdbounce::files::atomic;
 use thirdbounce::files::staging::Staging;
 use thirdbounce::glam::{DMat3, DVec3};
+use thirdbounce::job;
 use thirdbounce::settings::{ReflectanceSetting, Settings};
-use thirdbounce::{Error, Result, job};
-use thirdbounce_track::{Edge, Finding, LocateOptions, Position, Sight, TrackState, Tracker, locate};
+
+use super::calibration;
+use crate::error::{Error, Result};
+use crate::{Edge, Finding, LocateOptions, Position, Sight, TrackState, Tracker, locate};
 
 /// Names of the files of a result; the report is the last that appears.
 pub const FILES: [&str; 4] = ["track.csv", "track.svg", "track.html", "track.json"];
@@ -145,7 +147,7 @@ fn check(what: &Tracking) -> Result<()> {
 }
 
 /// The reflectance by which light falls with the distance.
-pub(crate) fn law(settings: &Settings) -> Reflectance {
+pub fn law(settings: &Settings) -> Reflectance {
     match settings.model {
         Some(ReflectanceSetting::Known(law)) => law,
         _ => Reflectance::Cosine,
@@ -153,7 +155,7 @@ pub(crate) fn law(settings: &Settings) -> Reflectance {
 }
 
 /// Variances of a bin per count, and without light.
-pub(crate) fn noise(capture: &Capture) -> [f64; 2] {
+pub fn noise(capture: &Capture) -> [f64; 2] {
     if capture.integer_counts { [1.0, 0.0] } else { variances(capture, background(capture)) }
 }
 
@@ -184,7 +186,7 @@ fn six(matrix: DMat3) -> [f64; 6] {
 }
 
 /// The row of an object that has a position in the frame.
-pub(crate) fn row(name: &str, time: f64, state: &TrackState, found: &Finding) -> Option<TrackRow> {
+pub fn row(name: &str, time: f64, state: &TrackState, found: &Finding) -> Option<TrackRow> {
     let position: &Position = &found.positions[state.position?];
     let filtered = [0, 1, 2].map(|k| state.covariance.col(k)[k].max(0.0).sqrt());
     Some(TrackRow {

@@ -1,20 +1,13 @@
-//! Time tags in place of a capture: what they hold, and the captures of all verbs that are made of them.
+//! Options by which time tags become histograms.
 
 use std::path::Path;
 
 use glam::DVec3;
-use thirdbounce::capture::Turn;
-use thirdbounce::job::{self, Loaded, Request};
 use thirdbounce::options::units::{length, number, time};
-use thirdbounce::{Error, Result};
-use thirdbounce_tags::{self as tags, Asked, Division, Inputs, PileUp, Readings, Scan, Zero};
 
-use crate::histogram;
-use crate::instrument::{Instrument, instrument};
-
-use super::settings::{self, ALL, DeviceArgs, SettingsArgs};
-use super::tables;
-use super::terminal::json;
+use crate::capture::Turn;
+use crate::error::{Error, Result};
+use crate::{Asked, Division, Inputs, PileUp, Readings, Scan, Zero};
 
 /// How time tags become histograms.
 #[derive(clap::Args)]
@@ -115,23 +108,6 @@ pub struct FromTags {
 }
 
 impl FromTags {
-    /// Text or JSON on what a file of time tags holds, without a scan; `None` of a capture.
-    ///
-    /// # Errors
-    /// Those of [`instrument`].
-    pub fn shown(&self, path: &Path, as_json: bool) -> Result<Option<String>> {
-        if self.are_given() || !tags::hold_tags(path) {
-            return Ok(None);
-        }
-        let found = instrument(path, self.inputs())?;
-        Ok(Some(if as_json { json(&found)? } else { about(&found) }))
-    }
-
-    /// Whether a capture is to be made of time tags.
-    fn are_given(&self) -> bool {
-        self.scan.is_some()
-    }
-
     /// The scan. A grid needs the wall's size.
     pub fn scan(&self, wall: Option<f64>) -> Result<Scan> {
         let text = self.scan.as_deref().ok_or_else(|| {
@@ -223,22 +199,6 @@ impl FromTags {
         }
     }
 
-    /// Reads a capture, or makes one of time tags, as the options say.
-    pub fn load(
-        &self,
-        path: &Path,
-        settings: &SettingsArgs<ALL>,
-        device: &DeviceArgs,
-    ) -> Result<(Loaded, Request)> {
-        if !self.are_given() && !tags::hold_tags(path) {
-            return settings::load(path, settings, device);
-        }
-        let request = settings::request(settings, device)?;
-        let scan = self.scan(request.settings.wall)?;
-        let asked = self.asked(request.settings.bin_width, job::turn(&request.settings)?)?;
-        Ok((histogram::load_tags(path, &request.settings, &scan, &asked)?, request))
-    }
-
     /// Where laser and sensor stand.
     fn seen_from(&self) -> Result<Option<[DVec3; 2]>> {
         let Some(text) = &self.seen_from else { return Ok(None) };
@@ -254,69 +214,4 @@ impl FromTags {
             "give x,y,z of laser and sensor, such as 30cm,-20cm,1.4m, or of each",
         ))
     }
-}
-
-/// Refuses time tags in place of a capture.
-///
-/// # Errors
-/// The file holds time tags, with the command that makes a capture of it.
-pub fn refuse(path: &Path) -> Result<()> {
-    if !tags::hold_tags(path) {
-        return Ok(());
-    }
-    let found = instrument(path, Inputs::default())?;
-    Err(Error::input(
-        format!(
-            "{}: holds time tags ({}), and a capture needs the points of the scan",
-            path.display(),
-            found.instrument
-        ),
-        command(&found),
-    ))
-}
-
-/// What a file of time tags holds, and the command that makes a capture of it.
-fn about(found: &Instrument) -> String {
-    let mut out = format!("tags      {}, {} records\n", found.instrument, found.records);
-    let rate = found.laser_hz.map_or_else(String::new, |hz| format!(", {:.4} MHz", 1e-6 * hz));
-    out += &format!("pulses    {} of the laser{rate}\n", found.pulses);
-    out += &found.duration_s.map_or_else(String::new, |s| format!("duration  {}\n", tables::seconds(s)));
-    found
-        .channels
-        .iter()
-        .for_each(|(channel, photons)| out += &format!("channel   {channel}: {photons} photons\n"));
-    found.markers.iter().for_each(|(marker, count)| out += &format!("marker    {marker}: {count}\n"));
-    found.notes.iter().for_each(|note| out += &format!("note      {note}\n"));
-    out + &format!("\na capture needs the points of the scan:\n  {}\n", command(found))
-}
-
-/// The command that makes a capture of a file, as far as its numbers say.
-fn command(found: &Instrument) -> String {
-    let side =
-        |size: Option<usize>, unknown: &str| size.map_or_else(|| unknown.to_string(), |n| n.to_string());
-    let [columns, rows] = found.guess.size;
-    let mut out = format!(
-        "thirdbounce histogram {} --scan {}x{} --wall SIZE",
-        found.path.display(),
-        side(columns, "COLUMNS"),
-        side(rows, "ROWS")
-    );
-    out += &match found.guess.division {
-        Some(Division::Pixels { marker, .. }) => format!(" --pixels {marker}"),
-        Some(Division::Lines { start, stop: Some(stop), .. }) => format!(" --lines {start},{stop}"),
-        Some(Division::Lines { start, .. }) => format!(" --lines {start}"),
-        _ if found.in_lines => String::new(),
-        _ => " --pulses-per-point N".into(),
-    };
-    if found.inputs.sync != 0 {
-        out += &format!(" --sync-channel {}", found.inputs.sync);
-    }
-    if !found.inputs.markers.is_empty() {
-        let all: Vec<_> = found.inputs.markers.iter().map(i32::to_string).collect();
-        out += &format!(" --marker-channels {}", all.join(","));
-    }
-    if let Some(channel) = found.guess.channel {
-        out += &format!(" --channel {channel}");
-    }
-    out + " --out capture.npz"
 }

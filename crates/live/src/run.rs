@@ -15,17 +15,10 @@ use thirdbounce::session::{Frame, FrameId, Latency, Session};
 use thirdbounce::transport::Grid;
 use thirdbounce::{Error, Kind, Result};
 
-mod folder;
-mod motion;
-mod page;
-mod stream;
-
-pub use folder::{FrameFolder, read_frame};
-use motion::MotionTrack;
-pub use motion::Moved;
-pub use page::{Figures, LivePage, LiveTotals, Shows};
-use stream::Arrived;
-pub use stream::{CountFormat, FrameCounts, FrameHeader, HEADER, MAGIC, VERSION, read, write};
+use crate::folder::{self, FrameFolder};
+use crate::motion::{MotionTrack, Moved};
+use crate::page::{LivePage, LiveTotals};
+use crate::stream::{self, Arrived, FrameCounts};
 
 /// Where frames come from.
 #[derive(Debug, Clone, PartialEq)]

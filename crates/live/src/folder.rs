@@ -6,7 +6,6 @@ use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
 use super::stream::{Arrived, FrameCounts, begin as begin_thread};
-use crate::found::{is_capture, is_capture_file, paths_in, stem};
 use thirdbounce::capture::formats::variables::Variables;
 use thirdbounce::capture::formats::{Opened, ReadOptions};
 use thirdbounce::capture::{self, Capture};
@@ -14,6 +13,7 @@ use thirdbounce::files::archive::Npz;
 use thirdbounce::files::stamp::Stamp;
 use thirdbounce::glam::DVec3;
 use thirdbounce::{Error, Result};
+use thirdbounce_command::found::{is_capture, is_capture_file, paths_in, stem};
 
 /// Time between two looks at the folder.
 const BETWEEN: Duration = Duration::from_millis(20);

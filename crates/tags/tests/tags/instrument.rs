@@ -10,7 +10,7 @@ use serde_json::Value;
 use tag_fixtures::tags::{Writer, write};
 use thirdbounce::capture::{Pulse, read, write as write_capture};
 use thirdbounce::export::npz::write_truth;
-use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
+use thirdbounce_simulate::{RenderOptions, Scene, simulate, truth};
 
 const TICK: f64 = 4e-12;
 const PERIOD: f64 = 1e-7;

@@ -10,10 +10,10 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use serde_json::{Value, json};
 
-use crate::live::{
-    self, Figures, Following, FrameFolder, FrameSource, LivePage, LiveTotals, Moved, News, Shows, read_frame,
-};
-use crate::track::law;
+use crate::folder::{FrameFolder, read_frame};
+use crate::motion::Moved;
+use crate::page::{Figures, LivePage, LiveTotals, Shows};
+use crate::run::{self, Following, FrameSource, News};
 use thirdbounce::capture::formats::ReadOptions;
 use thirdbounce::engine::Reconstruction;
 use thirdbounce::export::track::{TrackRow, csv};
@@ -24,12 +24,13 @@ use thirdbounce::session::{Feed, Frame, Latency, MOVING_FRAMES, SessionOptions};
 use thirdbounce::surface::Follow;
 use thirdbounce::{Capture, Error, Result, export, job};
 
-use super::settings::{FILE, METHOD, SettingsArgs};
-use super::terminal::{print, say, say_error};
-use super::{advice, interrupt};
+use thirdbounce_command::cli::settings::{FILE, METHOD, SettingsArgs};
+use thirdbounce_command::cli::terminal::{print, say, say_error};
+use thirdbounce_command::cli::{advice, interrupt, program};
+use thirdbounce_track::program::tracking::law;
 
 #[derive(clap::Args)]
-pub struct LiveArgs {
+struct LiveArgs {
     /// Where frames come from: a folder in which captures of any format appear, or - for a stream of frames
     /// (docs/batch-and-live.md) on the standard input
     source: PathBuf,
@@ -95,7 +96,19 @@ pub struct LiveArgs {
 const MOVING: &str = "31";
 const _: () = assert!(MOVING_FRAMES == 31);
 
-pub fn run(args: &LiveArgs) -> Result<ExitCode> {
+/// The command line.
+pub fn command() -> clap::Command {
+    const ABOUT: &str =
+        "Reconstruct frames as they come, from a folder or the standard input; show them on a page.";
+    program::beside::<LiveArgs>("thirdbounce-live", "thirdbounce live", ABOUT)
+}
+
+/// Runs the program.
+pub fn main() -> ExitCode {
+    program::run_beside(command(), run)
+}
+
+fn run(args: &LiveArgs) -> Result<ExitCode> {
     let settings = args.settings.settings()?;
     let (feed, interval) = (feed(&args.feed)?, seconds("interval", args.interval)?);
     let options =
@@ -126,7 +139,7 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode> {
         _ => interrupt::asked(),
     };
     let following = Following { law: law(&settings), interval };
-    let done = live::run(session, &source, page.as_ref(), following, &mut |news| match news {
+    let done = run::run(session, &source, page.as_ref(), following, &mut |news| match news {
         News::Solved(name, frame, latency, warning, moved) => {
             // Once for all frames of which it is true.
             if let Some(warning) = warning.filter(|_| !warned) {

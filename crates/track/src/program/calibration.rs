@@ -6,8 +6,10 @@ use serde_json::json;
 use thirdbounce::capture::Capture;
 use thirdbounce::glam::DVec3;
 use thirdbounce::settings::Settings;
-use thirdbounce::{Error, Result, files::atomic, job};
-use thirdbounce_track::Calibration;
+use thirdbounce::{files::atomic, job};
+
+use crate::Calibration;
+use crate::error::{Error, Result};
 
 /// Name of the file of a calibration.
 pub const FILE: &str = "calibration.json";

@@ -1,21 +1,24 @@
-//! `thirdbounce track FRAME... --out DIR`.
+//! The program `thirdbounce-track`: `thirdbounce track FRAME... --out DIR`.
+
+mod calibration;
+pub mod tracking;
 
 use std::path::PathBuf;
+use std::process::ExitCode;
 
 use clap::builder::PossibleValuesParser;
 use thirdbounce::export::track::TrackRow;
 use thirdbounce::options::Preset;
 use thirdbounce::options::units::milliseconds;
-use thirdbounce::{Error, Result};
-use thirdbounce_track::{BlobShape, CalibratedPair, Calibration, Edge, LocateOptions};
+use thirdbounce_command::cli::settings::{POSITIONS, SettingsArgs, number};
+use thirdbounce_command::cli::terminal::{print, say};
+use thirdbounce_command::cli::{interrupt, program};
+use thirdbounce_command::found::{captures_in, is_capture};
 
-use crate::calibration::calibrate;
-use crate::found::{captures_in, is_capture};
-use crate::track::{Tracking, track};
-
-use super::interrupt;
-use super::settings::{POSITIONS, SettingsArgs, number};
-use super::terminal::{print, say};
+use crate::error::{Error, Kind, Result};
+use crate::{BlobShape, CalibratedPair, Calibration, Edge, LocateOptions};
+use calibration::calibrate;
+use tracking::{Tracking, track};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -24,7 +27,7 @@ Examples:
 
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub struct TrackArgs {
+struct TrackArgs {
     /// Captures of one scan, a frame each, in their order; or a folder of them
     #[arg(required = true, value_name = "FRAME")]
     frames: Vec<PathBuf>,
@@ -62,15 +65,24 @@ pub struct TrackArgs {
     settings: SettingsArgs<POSITIONS>,
 }
 
-pub fn run(args: &TrackArgs) -> Result<()> {
+/// The command line.
+pub fn command() -> clap::Command {
+    const ABOUT: &str = "Positions of one to three objects with their errors, from few histograms, and their tracks over frames.";
+    program::beside::<TrackArgs>("thirdbounce-track", "thirdbounce track", ABOUT)
+}
+
+/// Runs the program.
+pub fn main() -> ExitCode {
+    program::run_beside(command(), |args| run(args).map(|()| ExitCode::SUCCESS))
+}
+
+fn run(args: &TrackArgs) -> Result<()> {
     let mut settings = args.settings.settings()?;
     // Bins behind the light tell the background.
     settings.preset.get_or_insert(Preset::Synthetic);
     let mut hear = |_| match interrupt::asked() {
         std::ops::ControlFlow::Continue(()) => Ok(()),
-        std::ops::ControlFlow::Break(()) => {
-            Err(Error::new(thirdbounce::Kind::Cancelled, "cancelled by the caller", ""))
-        }
+        std::ops::ControlFlow::Break(()) => Err(Error::new(Kind::Cancelled, "cancelled by the caller", "")),
     };
     if let Some(positions) = &args.calibrate {
         interrupt::stop_in_order();
@@ -193,4 +205,12 @@ fn line(row: &TrackRow) -> String {
         if row.extent[0] < 5e-4 { "no size".into() } else { format!("radius {:.3} m", row.extent[0]) },
         100.0 * row.share
     )
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_options_hold_together() {
+        super::command().debug_assert();
+    }
 }

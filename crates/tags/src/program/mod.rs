@@ -1,17 +1,22 @@
-//! `thirdbounce histogram TAGS --scan SCAN --out CAPTURE`.
+//! The program `thirdbounce-tags`: `thirdbounce histogram TAGS --scan SCAN --out CAPTURE`, and what `thirdbounce info` shows of tags.
+
+mod from_tags;
+mod instrument;
+mod make;
 
 use std::path::PathBuf;
+use std::process::ExitCode;
 
+use thirdbounce::job;
 use thirdbounce::options::units::{length, path};
 use thirdbounce::settings::Settings;
-use thirdbounce::{Result, job};
-use thirdbounce_tags::{Histograms, Readings};
+use thirdbounce_command::cli::terminal::{json, print, say};
+use thirdbounce_command::cli::{interrupt, program, tables};
 
-use crate::histogram::{self, Histogramming};
-
-use super::tagged::FromTags;
-use super::terminal::{print, say};
-use super::{interrupt, tables};
+use crate::error::Result;
+use crate::{Histograms, Inputs, Readings};
+use from_tags::FromTags;
+use make::{Histogramming, make};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -21,12 +26,12 @@ Examples:
 
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub struct HistogramArgs {
+struct HistogramArgs {
     /// Time tags: PicoQuant .ptu, Photon-HDF5, npz or HDF5 with timestamps and channels, text (channel, time); or histograms of an
     /// instrument: .phu, text, .npy or .npz, a log of a TMF8829 or VL53L8CH, or a MATLAB or HDF5 matrix of points and bins
     tags: PathBuf,
     #[command(flatten)]
-    pub from: FromTags,
+    from: FromTags,
     /// Capture to write: .npz, .hdf5 for y-tal, or .mat. With --each-reading a folder
     #[arg(long, value_name = "CAPTURE")]
     out: PathBuf,
@@ -55,7 +60,53 @@ pub struct HistogramArgs {
     rotate: Option<usize>,
 }
 
-pub fn run(args: &HistogramArgs) -> Result<()> {
+#[derive(clap::Args)]
+struct TagsArgs {
+    #[command(subcommand)]
+    verb: TagsVerb,
+}
+
+#[derive(clap::Subcommand)]
+enum TagsVerb {
+    /// Make a capture of time tags: PicoQuant .ptu, arrays, text.
+    Histogram(Box<HistogramArgs>),
+    /// Show what a file of time tags holds, and the command that makes a capture of it.
+    Info(AboutTagsArgs),
+}
+
+#[derive(clap::Args)]
+struct AboutTagsArgs {
+    /// Time tags
+    tags: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// The command line.
+pub fn command() -> clap::Command {
+    program::beside::<TagsArgs>(
+        "thirdbounce-tags",
+        "thirdbounce",
+        "Captures of time tags, and what time tags hold.",
+    )
+}
+
+/// Runs the program.
+pub fn main() -> ExitCode {
+    program::run_beside(command(), |args: &TagsArgs| {
+        match &args.verb {
+            TagsVerb::Histogram(args) => histogram(args)?,
+            TagsVerb::Info(args) => {
+                let found = instrument::instrument(&args.tags, Inputs::default())?;
+                print(&if args.json { json(&found)? } else { instrument::about(&found) });
+            }
+        }
+        Ok(ExitCode::SUCCESS)
+    })
+}
+
+fn histogram(args: &HistogramArgs) -> Result<()> {
     let mut turn = Settings { rotate: args.rotate, ..Settings::default() };
     args.flip.iter().try_for_each(|text| turn.set("flip", text))?;
     let turn = job::turn(&turn)?;
@@ -70,7 +121,7 @@ pub fn run(args: &HistogramArgs) -> Result<()> {
         out: args.out.clone(),
         picture: args.png.clone(),
     };
-    let (made, seconds) = histogram::histogram(&what, &mut interrupt::stop_in_order)?;
+    let (made, seconds) = make(&what, &mut interrupt::stop_in_order)?;
     if !args.quiet {
         made.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
@@ -85,7 +136,7 @@ pub fn run(args: &HistogramArgs) -> Result<()> {
 }
 
 /// What the file holds, and what became of it.
-pub fn text(made: &Histograms, seconds: f64) -> String {
+fn text(made: &Histograms, seconds: f64) -> String {
     let mut out = format!("tags      {}\n", made.instrument);
     if let Some(survey) = &made.survey {
         let records = survey.passed.records;
@@ -116,4 +167,33 @@ pub fn text(made: &Histograms, seconds: f64) -> String {
         out += &format!("left out  {} photons: between points, or too late for some\n", made.left_out);
     }
     out + &made.capture.summary().to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use thirdbounce::advice::{AdvicePart, Remedy, Setting};
+    use thirdbounce_command::cli::{self, advice};
+
+    #[test]
+    fn the_options_hold_together() {
+        super::command().debug_assert();
+    }
+
+    #[test]
+    fn every_setting_has_its_flag() {
+        let commands = [cli::command(), super::command()];
+        let verbs: Vec<_> = commands.iter().flat_map(|all| all.get_subcommands().chain([all])).collect();
+        let has = |long: &str| {
+            verbs.iter().flat_map(|verb| verb.get_arguments()).any(|arg| arg.get_long() == Some(long))
+        };
+        assert!(has("lateral") && !has("lateral-voxels"));
+        let flag = |setting: &&Setting| advice::flag(**setting);
+        let missing: Vec<_> =
+            Setting::ALL.iter().filter(|s| !has(flag(s).trim_start_matches("--"))).collect();
+        assert!(missing.is_empty(), "{missing:?}");
+        let smaller = advice::text(&[AdvicePart::Change(Remedy::SMALLER_JOB)].into());
+        let flags: Vec<_> =
+            smaller.split_whitespace().filter_map(|w| w.trim_end_matches(',').strip_prefix("--")).collect();
+        assert!(flags.len() == 4 && flags.iter().all(|f| has(f)), "{flags:?}");
+    }
 }

@@ -9,7 +9,7 @@ use fixtures::command::{fail, program, stderr, stdout, succeed};
 use serde_json::Value;
 use thirdbounce::capture;
 use thirdbounce::export::npz;
-use thirdbounce_command::live::write;
+use thirdbounce_live::write;
 
 use fixtures::browser::{browser, image_colours, look};
 

@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use thirdbounce::files::staging::Staging;
-use thirdbounce::job::{Loaded, places};
-use thirdbounce::settings::Settings;
-use thirdbounce::{Error, Result, capture, export, job};
-use thirdbounce_tags::{self as tags, Asked, Histograms, Readings, Scan};
+use crate::files::staging::Staging;
+use thirdbounce::job::places;
+use thirdbounce::{capture, export};
+
+use crate::error::{Error, Result};
+use crate::{Asked, Histograms, Readings, Scan};
 
 /// What to make of which file.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,8 +30,8 @@ pub struct Histogramming {
 /// `before_writing` is called once everything is computed.
 ///
 /// # Errors
-/// Those of [`tags::histogram()`], and a file that cannot be written.
-pub fn histogram(what: &Histogramming, before_writing: &mut dyn FnMut()) -> Result<(Histograms, f64)> {
+/// Those of [`crate::histogram()`], and a file that cannot be written.
+pub fn make(what: &Histogramming, before_writing: &mut dyn FnMut()) -> Result<(Histograms, f64)> {
     let each = what.asked.readings == Readings::Each;
     if each {
         places::check_results(&what.out)?;
@@ -46,7 +47,7 @@ pub fn histogram(what: &Histogramming, before_writing: &mut dyn FnMut()) -> Resu
         places::check_not_input(file, [what.tags.as_path()])?;
     }
     let start = Instant::now();
-    let mut made = tags::histogram(&what.tags, &what.scan, &what.asked)?;
+    let mut made = crate::histogram(&what.tags, &what.scan, &what.asked)?;
     let seconds = start.elapsed().as_secs_f64();
     before_writing();
     if each {
@@ -70,21 +71,4 @@ fn write_each(made: &Histograms, out: &Path) -> Result<()> {
         files.push(file);
     }
     staging.commit(&files).map(drop)
-}
-
-/// Makes a capture of the time tags or histograms of an instrument in a file, and prepares it as [`job::load`] does. `scan` and
-/// `asked` hold the points, their mirroring and rotation; values that complete a file are not used.
-///
-/// # Errors
-/// Those of [`tags::histogram()`] and [`job::take`].
-pub fn load_tags(path: &Path, settings: &Settings, scan: &Scan, asked: &Asked) -> Result<Loaded> {
-    let start = Instant::now();
-    let made = tags::histogram(path, scan, asked)?;
-    let settings = Settings { wall: None, flip: None, rotate: None, ..settings.clone() };
-    let mut loaded = job::take(made.capture, &settings)?;
-    loaded.path = path.into();
-    loaded.notes.splice(0..0, made.notes);
-    loaded.dropped += made.dropped;
-    loaded.seconds = start.elapsed().as_secs_f64();
-    Ok(loaded)
 }

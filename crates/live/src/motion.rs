@@ -13,9 +13,8 @@ use thirdbounce::glam::DVec3;
 use thirdbounce::maps::Maps;
 use thirdbounce::session::Frame;
 use thirdbounce::{Error, Result};
+use thirdbounce_track::program::tracking::{noise, row};
 use thirdbounce_track::{LocateOptions, Sight, Tracker, locate};
-
-use crate::track::{noise, row};
 
 /// Pairs that positions are found from, at most, and at least after pairs are summed; bins at most: a position has errors of centimetres by
 /// the shape of its object.

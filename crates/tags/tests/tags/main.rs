@@ -3,6 +3,7 @@
 mod arrays;
 mod histograms;
 mod hostile;
+mod info;
 mod instrument;
 mod recipes;
 mod records;

@@ -1,0 +1,5 @@
+//! The program of `thirdbounce live`; see `arguments`.
+
+fn main() -> std::process::ExitCode {
+    thirdbounce_live::main()
+}

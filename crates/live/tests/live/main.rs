@@ -1,0 +1,4 @@
+//! Live frames, by the built command: `make build` first.
+
+mod frames;
+mod moving;
