@@ -8,8 +8,7 @@ use crate::engine::{Bins, Progress, Reconstruction, Watch};
 use crate::gpu::Gpu;
 use crate::judge::{Job, calibrated_scan};
 #[cfg(feature = "formats")]
-use crate::maps::Maps;
-use crate::maps::Truth;
+use crate::maps::{Maps, Truth};
 #[cfg(feature = "formats")]
 use crate::measure::Metrics;
 use crate::session::{Session, SessionOptions};
