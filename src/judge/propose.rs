@@ -25,9 +25,7 @@ mod bounds {
 
     /// Share that is certainly left beyond noise from which delays of lines and motions, and light-cone transforms of other records and scales are looked at.
     pub const DOUBTFUL: [f64; 2] = [0.08, 0.15];
-    /// Standard errors by which renderings with a step each way differ, for a fit of the better one: 2.3 to 7.6 of 21 faulty captures.
-    pub const SIGN: f64 = 2.0;
-    /// What one of the steps must leave for any to count: the best ones of faulty captures leave .73 to .94, at 4.1 to 11.9 errors; of
+    /// What one of the steps must leave for any to count: the best ones of faulty captures leave .73 to .94, at 3.7 to 11.9 errors; of
     /// measured captures .97 to 1, at 2 to 2.7.
     pub const SHOWN: EvidenceGate = EvidenceGate { factor: 0.95, errors: 3.0 };
     /// What steps then leave, and how many of them fits begin with.
@@ -160,18 +158,12 @@ pub fn by_steps(trials: &mut Trials<'_>) -> Result<Vec<Proposal>> {
     let (trial, scan) = (trials.trial.clone(), trials.scan.clone());
     let (layers, step) = (trials.base.surface.layers.clone(), trials.base.surface.step);
     let undone = |(law, _, numbers): &Change| trial.with_capture(law.undone(trial.capture(), &scan, numbers));
-    // Renderings alone show the better sign of a step, and which steps change nothing.
+    // Renderings alone show the better sign of a step.
     let mut signs = vec![];
     for pair in changes.chunks_exact(2) {
         let [one, other] = [&pair[0], &pair[1]].map(|change| undone(change).ideal(&layers));
         let Some((one, other)) = one?.zip(other?) else { continue };
-        let errors = one.left().errors_below(&other.left());
-        if errors.abs() > bounds::SIGN {
-            signs.push(pair[usize::from(errors < 0.0)].clone());
-        }
-    }
-    if signs.is_empty() {
-        return Ok(vec![]);
+        signs.push(pair[usize::from(one.left().excess() > other.left().excess())].clone());
     }
     let versions: Vec<Trial<'_>> = std::iter::once(trial.clone()).chain(signs.iter().map(undone)).collect();
     let fits = trials.fits(&versions, From::Fit(&layers, OF_CHANGE), step)?;

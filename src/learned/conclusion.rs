@@ -17,7 +17,7 @@ const SCALES: [f32; 2] = [-5.0, 4.0];
 
 /// Weight of the rules of the support beside the network: logarithm of the odds that their mask is right. Alone, the network fills concave
 /// outlines of a few coarse scans that the rules have (benches/NOTES.md, "Conclusion").
-const RULES: f32 = 1.7;
+const RULES: f32 = 0.5;
 
 /// No pixel is surface below this probability by both: where nothing is likely, the best threshold would take all pixels. Of scenes with
 /// surface it is never below .43.
