@@ -154,7 +154,7 @@ mod tests {
 
     #[test]
     fn the_rules_decide_where_the_network_is_unsure_alone() {
-        let said = Conclusion { logit: vec![4.0, 4.0, 0.2, -0.2, -4.0, -4.0], scale: vec![] };
+        let said = Conclusion { logit: vec![4.0, 4.0, 0.1, -0.1, -4.0, -4.0], scale: vec![] };
         let (mask, expected) = said.mask(&[true, false, false, true, true, false]);
         assert_eq!(mask, [true, true, false, true, false, false]);
         let p = said.probability();
