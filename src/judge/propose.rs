@@ -139,40 +139,43 @@ fn correlated(law: &Law, held: &HeldOut, scan: [usize; 2]) -> Option<(Vec<f64>, 
     Some((delays, 2.0 * each.iter().map(|e| e.1).sum::<f64>()))
 }
 
-/// A law, how many times a step of it has the effect of one of the scale, and a step of one of its numbers.
-type Change = (&'static Law, i32, Vec<f64>);
-
 /// Laws of which a step leaves less, by fits that continue the surface, the most promising one first.
 ///
 /// # Errors
 /// The device fails, or the caller cancels.
 pub fn by_steps(trials: &mut Trials<'_>) -> Result<Vec<Proposal>> {
-    let mut changes: Vec<Change> = vec![];
+    let (trial, scan) = (trials.trial.clone(), trials.scan.clone());
+    let (layers, step) = (trials.base.surface.layers.clone(), trials.base.surface.step);
+    let (mut changes, mut versions) = (vec![], vec![trial.clone()]);
     for law in LAWS {
         let Proposed::BySteps(steps) = law.proposed else { continue };
         for (at, [step, _]) in law.steps.iter().enumerate() {
-            let of = |by: f64| (0..law.steps.len()).map(|i| if i == at { by } else { 0.0 }).collect();
-            changes.extend([*step, -step].map(|by| (law, steps, of(by))));
+            let mut numbers = [*step, -step]
+                .map(|by| (0..law.steps.len()).map(|i| if i == at { by } else { 0.0 }).collect::<Vec<f64>>());
+            let mut undone =
+                numbers.each_ref().map(|n| trial.with_capture(law.undone(trial.capture(), &scan, n)));
+            // Renderings alone show the better sign of a step.
+            let [one, other] = undone.each_ref().map(|version| version.ideal(&layers));
+            let Some((one, other)) = one?.zip(other?) else { continue };
+            if one.left().excess() > other.left().excess() {
+                numbers.swap(0, 1);
+                undone.swap(0, 1);
+            }
+            let ([numbers, _], [version, _]) = (numbers, undone);
+            changes.push((law, steps, numbers));
+            versions.push(version);
         }
     }
-    let (trial, scan) = (trials.trial.clone(), trials.scan.clone());
-    let (layers, step) = (trials.base.surface.layers.clone(), trials.base.surface.step);
-    let undone = |(law, _, numbers): &Change| trial.with_capture(law.undone(trial.capture(), &scan, numbers));
-    // Renderings alone show the better sign of a step.
-    let mut signs = vec![];
-    for pair in changes.chunks_exact(2) {
-        let [one, other] = [&pair[0], &pair[1]].map(|change| undone(change).ideal(&layers));
-        let Some((one, other)) = one?.zip(other?) else { continue };
-        signs.push(pair[usize::from(one.left().excess() > other.left().excess())].clone());
+    if changes.is_empty() {
+        return Ok(vec![]);
     }
-    let versions: Vec<Trial<'_>> = std::iter::once(trial.clone()).chain(signs.iter().map(undone)).collect();
     let fits = trials.fits(&versions, From::Fit(&layers, OF_CHANGE), step)?;
     let mut fits = fits.into_iter().map(|fitted| fitted.map(|fitted| fitted.held));
     let Some(base) = fits.next().flatten() else { return Ok(vec![]) };
     // What is left over what is left without the change, as by a step that is as long as one of the scale.
     let mut less: Vec<(f64, &'static Law, Vec<f64>)> = vec![];
     let mut shown = false;
-    for ((law, steps, numbers), held) in signs.into_iter().zip(fits) {
+    for ((law, steps, numbers), held) in changes.into_iter().zip(fits) {
         let Some(held) = held else { continue };
         let left = both(&held, &base, None);
         let [after, before] = left.each_ref().map(Left::excess);
