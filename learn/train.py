@@ -31,7 +31,8 @@ def arguments():
     parser.add_argument("--out", required=True, type=pathlib.Path)
     parser.add_argument("--resume", action="store_true", help=f"begin with {START.name} of this folder where OUT has no checkpoint")
     parser.add_argument("--from", dest="start", type=pathlib.Path, help="weights.safetensors to begin with")
-    parser.add_argument("--teacher", type=pathlib.Path, help="weights of a network at full resolution, whose answers are learned as well as the truth; layers of the same shape begin as its")
+    parser.add_argument("--teacher", type=pathlib.Path, help="weights of a network at full resolution, whose answers are learned as well as the truth; at half resolution, layers of the same shape begin as its")
+    parser.add_argument("--untaught", nargs="+", default=[], help="folders whose scenes are learned by their truth alone: the teacher has seen no such light")
     parser.add_argument("--full", action="store_true", help="train the network of the engine, which works on all voxels")
     parser.add_argument("--minutes", type=float, default=float("inf"), help="stop after these")
     parser.add_argument("--steps", type=int, default=1 << 40, help="stop after these, of all runs together")
@@ -44,8 +45,8 @@ def arguments():
     parser.add_argument("--widths", type=int, nargs="+")
     parser.add_argument("--threads", type=int, help="of the processor")
     given = parser.parse_args()
-    if given.teacher and (given.crop or given.full):
-        parser.error("a teacher answers for the whole box, and teaches the network at half resolution: leave out --crop and --full")
+    if given.teacher and given.crop:
+        parser.error("a teacher answers for the whole box: leave out --crop")
     if given.resume and START.exists():
         given.start = given.start or START
     return given
@@ -97,14 +98,14 @@ class Teacher:
             return depth, mask
 
 
-def taught_loss(of_depth, of_mask, depth, mask):
-    """Cross-entropies with a teacher's probabilities; of depth, where it sees surface. Less the teacher's own entropies."""
-    p = mask.float().sigmoid()
-    own = F.binary_cross_entropy_with_logits(mask.float(), p)
-    surface = F.max_pool2d(p[:, None], 2)[:, 0]
+def taught_loss(of_depth, of_mask, depth, mask, weight):
+    """Cross-entropies with a teacher's probabilities, by the weight of each scene; of depth, where it sees surface. Less the teacher's own entropies."""
+    p, each = mask.float().sigmoid(), weight[:, None, None]
+    lacks_mask = F.binary_cross_entropy_with_logits(of_mask, p, reduction="none") - F.binary_cross_entropy_with_logits(mask.float(), p, reduction="none")
+    surface = each * F.max_pool2d(p[:, None], 2)[:, 0]
     q = depth.float().log_softmax(-1)
     lacks = (q.exp() * (q - of_depth.log_softmax(-1))).sum(-1)
-    return F.binary_cross_entropy_with_logits(of_mask, p) - own, (lacks * surface).sum() / surface.sum().clamp(min=1)
+    return (each * lacks_mask).mean(), (lacks * surface).sum() / surface.sum().clamp(min=1)
 
 
 def mirrored(volume, *maps):
@@ -161,10 +162,18 @@ class Supply:
         for path, leaves in paths:
             at = [random.randrange(0, network.SIDE // 2 + 1, 2) for _ in range(2)] if crop else None
             scene = Scenes.read(path, at)
-            scenes.append(scene + (self.teacher.answers(path, *scene[:2]) if self.teacher else ()))
+            scenes.append(scene + self.taught(path, *scene[:2]))
             if leaves:
                 remove(path)
         return [torch.stack([torch.as_tensor(scene[i]) for scene in scenes]) for i in range(len(scenes[0]))]
+
+    def taught(self, path, bands, kind):
+        """A teacher's answers and their weight, where there is a teacher."""
+        if not self.teacher:
+            return ()
+        if any(pathlib.Path(folder) in path.parents for folder in self.given.untaught):
+            return np.zeros((network.SIDE, network.SIDE, network.DEEP), np.float16), np.zeros((2 * network.SIDE, 2 * network.SIDE), np.float16), np.float32(0)
+        return *self.teacher.answers(path, bands, kind), np.float32(1)
 
     def batches(self):
         """Endless batches, read ahead."""
@@ -188,7 +197,7 @@ def begun(given, device):
     else:
         of = network.Network if given.full else network.Half
         net = of(given.widths) if given.widths else of()
-        if given.teacher:
+        if given.teacher and not given.full:
             net.begin_as(network.load(given.teacher))
     if kept:
         net.load_state_dict(kept["net"])
@@ -233,12 +242,12 @@ def main():
             break
         # The moments of the optimiser are new after a change of machines: the rate rises each time.
         optimiser.param_groups[0]["lr"] = given.rate * min(1, (about["step"] - first + 1) / WARM)
-        seen, mask, depth, *taught = mirrored(seen.to(device).float(), *(of.to(device) for of in (mask, depth, *taught)))
+        seen, mask, depth, *answers = mirrored(seen.to(device).float(), *(of.to(device) for of in (mask, depth, *taught[:2])))
         with torch.autocast(device.type, torch.bfloat16, enabled=halves(device)):
             of_depth, of_mask = net(seen.contiguous(memory_format=torch.channels_last_3d), kind.to(device))
         loss = mask_loss(of_mask, mask) + 0.15 * depth_loss(of_depth, mask, depth)
         if taught:
-            lacks = taught_loss(of_depth, of_mask, *taught)
+            lacks = taught_loss(of_depth, of_mask, *answers, taught[2].to(device))
             loss = loss + TAUGHT[0] * lacks[0] + TAUGHT[1] * lacks[1]
         optimiser.zero_grad(set_to_none=True)
         loss.backward()
