@@ -1,6 +1,6 @@
 """Writes the averaged weights of a checkpoint as the engine reads them, and prints what the network says of one input.
 
-`export.py CHECKPOINT.pt WEIGHTS.safetensors`. As `src/learned/weights.safetensors` they are part of the next build. The numbers are the
+`export.py CHECKPOINT.pt WEIGHTS.safetensors`, or their mean with the weights that training began with. As `src/learned/weights.safetensors` they are part of the next build. The numbers are the
 expected ones of `tests/solvers/learned.rs`, which compares the engine with them."""
 
 import argparse
@@ -29,8 +29,14 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("checkpoint")
     parser.add_argument("weights")
+    parser.add_argument("--first", help="weights that training began with, of which the share is kept (Wortsman et al. 2022): other light is not unlearned")
+    parser.add_argument("--share", type=float, default=0.25, help="of the first weights")
     given = parser.parse_args()
-    network.save(torch.load(given.checkpoint, map_location="cpu")["mean"], given.weights)
+    mean = torch.load(given.checkpoint, map_location="cpu")["mean"]
+    if given.first:
+        first = network.load(given.first).state_dict()
+        mean = {name: torch.lerp(values, first[name], given.share) for name, values in mean.items()}
+    network.save(mean, given.weights)
     net = network.load(given.weights).eval()
     for kind in (0, 2):
         with torch.no_grad():

@@ -253,28 +253,40 @@ impl<'t> Physics<'t> {
     /// Fits from what the network and a light-cone transform show together, where fits from the network's surface leave much, and keeps
     /// them if they leave clearly less: the network misses dark print and large faces.
     fn find_union(&mut self) -> Result<()> {
-        let Some((_, left)) = least_left(&self.sharp) else { return Ok(()) };
+        let Some((sharp, left)) = least_left(&self.sharp) else { return Ok(()) };
+        let first = sharp.reflectance;
         let [certain, most] = UNION_LEFT;
         let is_tried = left.certain() > certain && left.excess() < most;
         if !is_tried {
             return Ok(());
         }
         let Some(layers) = self.starts.union() else { return Ok(()) };
-        let models: Vec<Reflectance> = self.trials.iter().map(Trial::reflectance).collect();
+        // The model that leaves least speaks for all; the others follow where it leaves clearly less.
+        let mut models: Vec<Reflectance> = self.trials.iter().map(Trial::reflectance).collect();
+        let at = models.iter().position(|model| *model == first).expect("it was fitted");
+        models.swap(0, at);
+        let (one, others) = models.split_at(1);
         let from = From::Layers(&layers);
-        self.pace.expect(models.len() * from.iterations());
+        self.pace.expect(from.iterations());
         let before = self.tried.len();
-        let found = self.fit_models(&models, from, Origin::Union)?;
-        let best = least_left(&found).filter(|(_, less)| less.errors_below(&left) > UNION_ERRORS);
-        let share = best.as_ref().map_or(1.0, |(_, less)| less.excess() / left.excess());
-        if share > UNION_LESS {
+        let mut found = self.fit_models(one, from, Origin::Union)?;
+        let share = |found: &[Sharp]| {
+            let less = least_left(found)
+                .map(|(_, less)| less)
+                .filter(|less| less.errors_below(&left) > UNION_ERRORS);
+            less.map_or(1.0, |less| less.excess() / left.excess())
+        };
+        if share(&found) > UNION_LESS {
             self.tried.truncate(before);
             return Ok(());
         }
+        self.pace.expect(others.len() * from.iterations());
+        found.extend(self.fit_models(others, from, Origin::Union)?);
+        let share = share(&found);
         // What was tried with sharp paths is what these fits say.
         self.tried.drain(..before);
-        let shown =
-            best.filter(|_| share < UNION_SHOWN).map(|(best, _)| best.fitted.surface.layers[0].clone());
+        let shown = least_left(&found).filter(|_| share < UNION_SHOWN);
+        let shown = shown.map(|(best, _)| best.fitted.surface.layers[0].clone());
         self.begin_with(layers, shown.as_ref());
         self.sharp = found;
         self.is_union = true;
