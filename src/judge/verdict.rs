@@ -297,10 +297,8 @@ mod tests {
             assert_eq!(of(Some(finding), 0.8).reasons.len(), without);
         }
         let samples = ResponseSamples { samples: vec![0.5, 0.0, 0.5], width: 0.01, start: 0.0 };
-        let pulse = FoundPulse {
-            samples: Some(samples),
-            ..FoundPulse::of(Shape::SHARP, Reflectance::Cosine, &[], 0.0, None)
-        };
+        let (trials, samples) = (vec![], Some(samples));
+        let pulse = FoundPulse { fwhm: 0.0, tail: 0.0, samples, trials, seconds: 0.0, failed: None };
         let echoed = verdict(&Estimates { pulse: Some(pulse), ..estimates(0.8) });
         assert!(echoed.grade == Grade::Fair && echoed.reasons[0].contains("echoes"), "{echoed}");
         let doubt = of(None, 0.2);
