@@ -37,7 +37,7 @@ pub fn reconstruct_with(
     capture.check()?;
     let capture = settings.with_instrument(capture)?;
     let job = Job { warnings: capture.warnings(), ..Job::of(settings, Cow::Borrowed(&capture)) };
-    let mut watch = Watch { hear: on_progress, maps_every: None, maps_at: &[] };
+    let mut watch = Watch::of(on_progress);
     let (job, mut result) = solve::solve(gpu, job, &mut watch)?;
     result.notes = job.estimates.notes();
     Ok(result)

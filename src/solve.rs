@@ -1,13 +1,12 @@
 //! From a capture to maps: the one path of library, command, sessions and benchmark.
 
-use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
 use crate::Result;
-use crate::engine::{Progress, Reconstruction, TracePoint, Watch};
+use crate::engine::{OnProgress, Progress, Reconstruction, TracePoint, Watch};
 use crate::gpu::Gpu;
-use crate::judge::{self, Job, conclude, grade};
+use crate::judge::{self, Job, as_result, conclude, grade};
 
 /// Reconstructs the capture of a job. Returns the job with its estimates, and the result. The watch is called during the short fits and
 /// the solve; intermediate maps have the mask and the depth errors of a run that ends there.
@@ -23,7 +22,7 @@ pub fn solve<'c>(gpu: &Gpu, job: Job<'c>, watch: &mut Watch<'_>) -> Result<(Job<
     let mut hear = |progress: &Progress| {
         let Progress { doing, point, iterations, remaining, maps } = progress;
         let point = TracePoint { seconds: point.seconds + spent, ..*point };
-        let maps = maps.as_ref().map(|maps| job.as_result(maps));
+        let maps = maps.as_ref().map(|maps| as_result(&job, maps));
         (watch.hear)(&Progress { doing: *doing, point, iterations: *iterations, remaining: *remaining, maps })
     };
     // Maps on the way take time that is not the solve's.
@@ -46,11 +45,7 @@ pub fn solve<'c>(gpu: &Gpu, job: Job<'c>, watch: &mut Watch<'_>) -> Result<(Job<
 ///
 /// # Errors
 /// Settings out of range, or that the capture does not allow; the device fails; `hear` cancels.
-pub fn resolve<'c>(
-    gpu: &Gpu,
-    job: Job<'c>,
-    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Job<'c>> {
+pub fn resolve<'c>(gpu: &Gpu, job: Job<'c>, hear: &mut OnProgress<'_>) -> Result<Job<'c>> {
     // A volume that the capture does not allow is an error before any fit.
     job.check()?;
     let job = judge::given(job, gpu, hear)?; // undone: the empty room, a calibration, the gain of a device near the wall

@@ -18,7 +18,7 @@ mod solver;
 
 pub(crate) use adam::unbiased;
 pub use bins::Bins;
-pub use drive::{Doing, Progress, TracePoint, Watch};
+pub use drive::{Doing, OnProgress, Progress, TracePoint, Watch};
 pub(crate) use drive::{Driven, Iterate, drive, maps_stage, read_whole, stage_values, submit_whole};
 pub use extent::{default_volume, pixel_of};
 pub(crate) use noise::enough_pairs;

@@ -1,5 +1,5 @@
 //! What an instrument may do to all pairs at once, as laws with numbers. A row of [`LAWS`] is all that there is of a law: how it is
-//! proposed, its steps, its words, its effect. A [`LawCorrection`] is a law with its numbers on a wall.
+//! proposed, its steps, its words, its effect.
 //!
 //! Not observable: a common gain (the albedo), a turn of the points in the wall's plane, and one scale of points, paths and scene
 //! together, so that a wall of another size and bins of another width are one law.
@@ -11,39 +11,6 @@ use glam::{DVec2, DVec3};
 use crate::capture::{Capture, METRES_PER_PICOSECOND, gain};
 use crate::settings;
 
-/// What a law does to the held-out pairs.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Effect {
-    /// Logarithms of factors of the counts; empty: 0.
-    pub logs: Vec<f64>,
-    /// Metres of path by which counts are late; empty: 0.
-    pub delays: Vec<f64>,
-}
-
-/// The middle of points, and half the longer side of the rectangle around them.
-#[derive(Debug, Clone, Copy)]
-pub struct WallFrame {
-    pub middle: DVec2,
-    pub half: f64,
-}
-
-impl WallFrame {
-    pub fn of(points: &[DVec3]) -> WallFrame {
-        let infinity = DVec3::splat(f64::INFINITY);
-        let (low, high) = points.iter().fold((infinity, -infinity), |(l, h), p| (l.min(*p), h.max(*p)));
-        let [middle, side] = [0.5 * (low + high), high - low];
-        WallFrame { middle: middle.truncate(), half: (0.5 * side.x.max(side.y)).max(f64::MIN_POSITIVE) }
-    }
-
-    fn centred(&self, point: DVec3) -> DVec2 {
-        (point.truncate() - self.middle) / self.half
-    }
-
-    fn metres(&self, centred: DVec2) -> DVec2 {
-        self.middle + self.half * centred
-    }
-}
-
 /// Product of the principal variances of points over the square of their sum, below which they are a line: a tenth as wide as long.
 const FLAT: f64 = 0.01;
 
@@ -51,12 +18,14 @@ const FLAT: f64 = 0.01;
 #[derive(Debug, Clone)]
 pub struct LawScan {
     pub laser: Vec<DVec3>,
-    pub sensor: Vec<DVec3>,
+    sensor: Vec<DVec3>,
     pub scan: [usize; 2],
     /// Logarithms of the light of each pair over its mean.
-    pub logarithms: Vec<f64>,
-    pub frame: WallFrame,
-    pub is_confocal: bool,
+    logarithms: Vec<f64>,
+    /// The middle of the points, and half the longer side of the rectangle around them, metres.
+    middle: DVec2,
+    pub half: f64,
+    is_confocal: bool,
 }
 
 impl LawScan {
@@ -64,20 +33,24 @@ impl LawScan {
         let light = capture.of_rows(|row| row.iter().map(|v| f64::from(*v)).sum::<f64>());
         let mean = light.iter().sum::<f64>() / light.len().max(1) as f64;
         let logarithm = |v: &f64| (v / mean).max(1e-3).ln();
-        let all = [&capture.laser[..], &capture.sensor].concat();
+        let infinity = DVec3::splat(f64::INFINITY);
+        let points = capture.laser.iter().chain(&capture.sensor);
+        let (low, high) = points.fold((infinity, -infinity), |(l, h), p| (l.min(*p), h.max(*p)));
+        let [middle, side] = [0.5 * (low + high), high - low];
         LawScan {
             laser: capture.laser.clone(),
             sensor: capture.sensor.clone(),
             scan: capture.scan,
             logarithms: light.iter().map(logarithm).collect(),
-            frame: WallFrame::of(&all),
+            middle: middle.truncate(),
+            half: (0.5 * side.x.max(side.y)).max(f64::MIN_POSITIVE),
             is_confocal: capture.is_nearly_confocal(),
         }
     }
 
     /// Whether the middles of pairs fill an area: on a line, laws of places and devices are free.
     pub fn fills_area(&self) -> bool {
-        let all: Vec<DVec2> = (0..self.laser.len()).map(|pair| self.middle_of(pair)).collect();
+        let all: Vec<DVec2> = (0..self.laser.len()).map(|pair| self.centre_of(pair)).collect();
         let mean = all.iter().sum::<DVec2>() / all.len().max(1) as f64;
         let [xx, xy, yy] = all
             .iter()
@@ -87,20 +60,33 @@ impl LawScan {
         xx * yy - xy * xy > FLAT * (xx + yy).powi(2)
     }
 
-    pub fn middle_of(&self, pair: usize) -> DVec2 {
-        self.frame.centred(0.5 * (self.laser[pair] + self.sensor[pair]))
+    /// The place between laser and sensor point of a pair.
+    pub fn place_of(&self, pair: usize) -> DVec3 {
+        self.laser[pair].midpoint(self.sensor[pair])
+    }
+
+    /// The same in halves of the wall from its middle.
+    fn centre_of(&self, pair: usize) -> DVec2 {
+        self.centred(0.5 * (self.laser[pair] + self.sensor[pair]))
+    }
+
+    fn centred(&self, point: DVec3) -> DVec2 {
+        (point.truncate() - self.middle) / self.half
+    }
+
+    fn metres(&self, centred: DVec2) -> DVec2 {
+        self.middle + self.half * centred
     }
 
     /// The position of a device by its numbers: x and y in halves of the wall, and the logarithm of z in those.
     fn device(&self, n: &[f64]) -> DVec3 {
-        self.frame.metres(DVec2::new(n[0], n[1])).extend(self.frame.half * n[2].exp())
+        self.metres(DVec2::new(n[0], n[1])).extend(self.half * n[2].exp())
     }
 }
 
-impl std::fmt::Debug for Law {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name)
-    }
+/// The number of a pair's column (axis 0) or row (axis 1).
+pub fn line_of(scan: [usize; 2], axis: usize, pair: usize) -> usize {
+    if axis == 0 { pair / scan[1] } else { pair % scan[1] }
 }
 
 /// How numbers of a law are proposed from a surface.
@@ -108,30 +94,17 @@ impl std::fmt::Debug for Law {
 pub enum Proposed {
     /// By products of rendered and measured light of each pair: gains.
     ByProducts,
-    /// By correlation of rendered and measured light of each line.
-    ByLines,
+    /// By correlation of rendered and measured light of each line along this axis.
+    ByLines(usize),
     /// By fits that continue the surface with a step each way; steps of one have this many times the effect of a step of the scale.
     BySteps(i32),
     /// By fits from its starts, where a step of the scale leaves less: nearly every wrong delay or place changes the scale, too.
     AsScale,
     /// By the sharpness of light-cone transforms.
     BySharpness,
-    /// By fits of the first and the last lines.
-    ByEnds,
+    /// By fits of the first and the last lines along this axis.
+    ByEnds(usize),
 }
-
-/// Points of the wall.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Of {
-    Laser,
-    Sensor,
-}
-
-/// Gain, and delay in metres, of a pair by the numbers of a law.
-type OfPair = fn(&LawScan, &[f64], usize) -> [f64; 2];
-
-/// Where a point of the wall lies truly, in halves of the wall from its middle, by the numbers of a law.
-type OfPoint = fn(&[f64], DVec2, Of) -> DVec2;
 
 /// A law.
 pub struct Law {
@@ -147,13 +120,15 @@ pub struct Law {
     /// First steps of the numbers, and how far each may be from 0. Empty: a number for each line.
     pub steps: &'static [[f64; 2]],
     /// By what first steps are multiplied at these numbers.
-    pub unit: fn(&[f64]) -> f64,
+    unit: fn(&[f64]) -> f64,
     /// Least size of a number that fits tell from 0, where points are moved.
     pub least: f64,
-    /// The effect on a pair: gain, and delay in metres.
-    pub of_pair: Option<OfPair>,
-    /// Where points are.
-    pub of_point: Option<OfPoint>,
+    /// Factor of the counts of a pair.
+    gain: Option<fn(&LawScan, &[f64], usize) -> f64>,
+    /// Metres of path by which counts of a pair are late.
+    delay: Option<fn(&LawScan, &[f64], usize) -> f64>,
+    /// Where a point of the wall lies truly, in halves of the wall from its middle, and whether it is one of the laser.
+    pub of_point: Option<fn(&[f64], DVec2, bool) -> DVec2>,
     /// Whether these numbers are those of another law.
     pub is_other: fn(&[f64]) -> bool,
     /// Whether other laws resemble it with these numbers, which are then tried, too.
@@ -161,7 +136,7 @@ pub struct Law {
     /// Whether numbers of the other sign are the opposite change.
     pub has_opposite: bool,
     /// Whether it is a property of the rig, and so of the next capture, too.
-    pub is_of_rig: bool,
+    is_of_rig: bool,
     /// Whether the capture can show it.
     pub applies: fn(&LawScan) -> bool,
 }
@@ -176,7 +151,8 @@ const OF_DELAYS: Law = Law {
     steps: &[],
     unit: |_| 1.0,
     least: 0.0,
-    of_pair: None,
+    gain: None,
+    delay: None,
     of_point: None,
     is_other: |_| false,
     has_rivals: |_| false,
@@ -184,15 +160,10 @@ const OF_DELAYS: Law = Law {
     is_of_rig: true,
     applies: |_| true,
 };
-const OF_PLACES: Law = Law { least: 0.02, hint: "give the points as measured on the wall", ..OF_DELAYS };
-/// Where the scene lies once it has moved, and where on the wall it has, in halves of the wall. Maps show it where it was before.
-const OF_MOTIONS: Law = Law {
-    hint: "keep the scene still, or reconstruct a part of the lines",
-    steps: &[[0.05, 2.0], [0.05, 2.0], [0.05, 2.0], [0.15, 0.9]],
-    proposed: Proposed::ByEnds,
-    is_of_rig: false,
-    // Elsewhere pairs that see the scene before and behind it share points.
-    applies: |s| s.is_confocal,
+const OF_PLACES: Law = Law {
+    proposed: Proposed::BySteps(1),
+    least: 0.02,
+    hint: "give the points as measured on the wall",
     ..OF_DELAYS
 };
 const OF_GAINS: Law = Law { proposed: Proposed::ByProducts, has_opposite: false, ..OF_DELAYS };
@@ -202,52 +173,99 @@ const OF_DEVICES: Law = Law {
     steps: &[[0.3, 8.0], [0.3, 8.0], [0.3, 2.5]],
     ..OF_GAINS
 };
+
+/// Where the scene is once it has moved, and where on the wall it has, in halves of the wall. Maps show it where it was before.
+const fn of_motion<const AXIS: usize>() -> Law {
+    Law {
+        what: |s, n| {
+            let at = s.metres(DVec2::splat(n[3]))[AXIS];
+            let [x, y, z] = [n[0], n[1], n[2]].map(|n| 100.0 * s.half * n);
+            format!(
+                "the scene moved during the scan: points of the wall where {} is above {at:.2} m see it ({x:.1}, {y:.1}, {z:.1}) cm from \
+                 where the others do",
+                ["x", "y"][AXIS]
+            )
+        },
+        hint: "keep the scene still, or reconstruct a part of the lines",
+        proposed: Proposed::ByEnds(AXIS),
+        steps: &[[0.05, 2.0], [0.05, 2.0], [0.05, 2.0], [0.15, 0.9]],
+        of_point: Some(|n, p, _| p - has_moved(n, p[AXIS]) * DVec2::new(n[0], n[1])),
+        delay: Some(|s, n, pair| 2.0 * s.half * n[2] * has_moved(n, s.centre_of(pair)[AXIS])),
+        is_of_rig: false,
+        // Elsewhere pairs that see the scene before and behind it share points.
+        applies: |s| s.is_confocal,
+        ..OF_DELAYS
+    }
+}
+
 /// The line from which on counts are higher, as a share of the lines, and the logarithm of the step.
-const OF_POWERS: Law = Law { steps: &[[0.0, 1.0], [0.2, 2.0]], is_of_rig: false, ..OF_GAINS };
+const fn of_power<const AXIS: usize>() -> Law {
+    Law {
+        what: |s, n| {
+            format!(
+                "from line {:.0} of the {} on, counts are {:.2} times as high, as of a laser whose power changed",
+                n[0] * s.scan[AXIS] as f64,
+                LINES[AXIS],
+                n[1].exp()
+            )
+        },
+        hint: ["divide the counts by the power of each column", "divide the counts by the power of each row"]
+            [AXIS],
+        starts: |s| steps_of(s.scan[AXIS]),
+        steps: &[[0.0, 1.0], [0.2, 2.0]],
+        gain: Some(|s, n, pair| {
+            let is_behind = line_of(s.scan, AXIS, pair) as f64 + 0.5 > n[0] * s.scan[AXIS] as f64;
+            if is_behind { n[1].exp() } else { 1.0 }
+        }),
+        is_of_rig: false,
+        applies: |s| s.scan[AXIS] >= 8 && s.scan[1 - AXIS] >= 4,
+        ..OF_GAINS
+    }
+}
+
 /// Delays of every line.
-const OF_LINES: Law = Law {
-    proposed: Proposed::ByLines,
-    hint: "measure the delay of each line, or correct the times before they are binned",
-    has_opposite: false,
-    ..OF_DELAYS
-};
+const fn of_lines<const AXIS: usize>() -> Law {
+    Law {
+        what: |_, n| pattern(LINES[AXIS], ["x", "y"][AXIS], n),
+        hint: "measure the delay of each line, or correct the times before they are binned",
+        proposed: Proposed::ByLines(AXIS),
+        delay: Some(|s, n, pair| n[line_of(s.scan, AXIS, pair)]),
+        has_opposite: false,
+        applies: |s| s.scan[AXIS] >= 4 && s.scan[1 - AXIS] > 1,
+        ..OF_DELAYS
+    }
+}
+
+const LINES: [&str; 2] = ["columns", "rows"];
 
 /// All laws.
 pub const LAWS: &[Law] = &[
     Law {
         name: "time zero",
-        what: |_, n| format!("all counts are {} than path 0 says, as of a wrong time zero", later(n[0])),
+        what: |_, n| format!("{}, as of a wrong time zero", off_path_0(n)),
         hint: "correct the path of the first bin",
         starts: |_| vec![vec![-0.1], vec![0.1]],
         steps: &[[0.03, 0.6]],
-        of_pair: Some(|_, n, _| [1.0, n[0]]),
+        delay: Some(|_, n, _| n[0]),
         ..OF_DELAYS
     },
     Law {
         name: "record",
-        what: |_, n| {
-            format!(
-                "all counts are {} than path 0 says, as of a record that is rolled or begins elsewhere",
-                later(n[0])
-            )
-        },
+        what: |_, n| format!("{}, as of a record that is rolled or begins elsewhere", off_path_0(n)),
         hint: "give the path of the first bin, and roll the bins back",
-        steps: &[[0.06, 8.0]],
-        of_pair: Some(|_, n, _| [1.0, n[0]]),
         proposed: Proposed::BySharpness,
+        steps: &[[0.06, 8.0]],
+        delay: Some(|_, n, _| n[0]),
         ..OF_DELAYS
     },
     Law {
         name: "lean",
         what: |s, n| {
             let length = (n[0].powi(2) + n[1].powi(2)).sqrt();
+            let (ends, [x, y], middle) = (200.0 * length, [n[0] / length, n[1] / length], later(n[2]));
             format!(
-                "counts are later by {:.1} cm of path from one end of the wall to the other, most along ({:.2}, {:.2}), and {} in the \
-                 middle, as of a wall that leans",
-                200.0 * length,
-                n[0] / length,
-                n[1] / length,
-                later(n[2])
+                "counts are later by {ends:.1} cm of path from one end of the wall to the other, most along ({x:.2}, {y:.2}), and {middle} in \
+                 the middle, as of a wall that leans"
             )
             .replace("-0.00", "0.00")
                 + if s.is_confocal { "" } else { ", or of legs that were not taken out" }
@@ -256,8 +274,8 @@ pub const LAWS: &[Law] = &[
         starts: |_| {
             [-0.07, 0.07].into_iter().flat_map(|n| [vec![n, 0.0, 0.07], vec![0.0, n, 0.07]]).collect()
         },
-        steps: &[[0.03, 0.3], [0.03, 0.3], [0.03, 0.3]],
-        of_pair: Some(|s, n, pair| [1.0, DVec2::new(n[0], n[1]).dot(s.middle_of(pair)) + n[2]]),
+        steps: &[[0.03, 0.3]; 3],
+        delay: Some(|s, n, pair| DVec2::new(n[0], n[1]).dot(s.centre_of(pair)) + n[2]),
         ..OF_DELAYS
     },
     Law {
@@ -273,11 +291,11 @@ pub const LAWS: &[Law] = &[
         starts: |_| [1.0f64, 2.0, 4.0].map(|z| vec![0.0, 0.0, z.ln()]).to_vec(),
         // The legs of a far device are like another scale.
         steps: &[[0.4, 3.0], [0.4, 3.0], [0.4, 1.4]],
-        of_pair: Some(|s, n, pair| {
+        delay: Some(|s, n, pair| {
             let device = s.device(n);
-            let middle = device.distance(s.frame.middle.extend(0.0));
+            let middle = device.distance(s.middle.extend(0.0));
             let leg = |point: DVec3| device.distance(point) - middle;
-            [1.0, leg(s.laser[pair]) + leg(s.sensor[pair])]
+            leg(s.laser[pair]) + leg(s.sensor[pair])
         }),
         has_opposite: false,
         ..OF_DELAYS
@@ -290,20 +308,18 @@ pub const LAWS: &[Law] = &[
         hint: "correct times by the strength of the pulses before they are binned",
         starts: |_| vec![vec![-0.02], vec![0.02]],
         steps: &[[0.01, 0.2]],
-        of_pair: Some(|s, n, pair| [1.0, n[0] * s.logarithms[pair]]),
+        delay: Some(|s, n, pair| n[0] * s.logarithms[pair]),
         ..OF_DELAYS
     },
     Law {
         name: "scale",
         what: |_, n| {
+            let [wall, bins] = [1.0 + n[0], 1.0 / (1.0 + n[0])];
             format!(
-                "the wall is {:.3} times as large as given, or bins are {:.3} times as wide: no capture tells which",
-                1.0 + n[0],
-                1.0 / (1.0 + n[0])
+                "the wall is {wall:.3} times as large as given, or bins are {bins:.3} times as wide: no capture tells which"
             )
         },
         hint: "give the wall's size, or the bin width",
-        proposed: Proposed::BySteps(1),
         // Nothing else changes a capture by as much as feet or half a wall do.
         has_rivals: |n| n[0].abs() < 0.4,
         steps: &[[0.02, 1.2]],
@@ -314,15 +330,11 @@ pub const LAWS: &[Law] = &[
     Law {
         name: "sides",
         what: |_, n| {
-            format!(
-                "the wall is {:.3} times as wide along x, and {:.3} times along y, as given",
-                1.0 + n[0],
-                1.0 + n[1]
-            )
+            let [x, y] = [1.0 + n[0], 1.0 + n[1]];
+            format!("the wall is {x:.3} times as wide along x, and {y:.3} times along y, as given")
         },
         // Both sides by one factor are the scale.
         is_other: |n| (n[0] - n[1]).abs() < 0.05,
-        proposed: Proposed::BySteps(1),
         steps: &[[0.04, 0.5]; 2],
         of_point: Some(|n, p, _| p * DVec2::new(1.0 + n[0], 1.0 + n[1])),
         ..OF_PLACES
@@ -330,12 +342,11 @@ pub const LAWS: &[Law] = &[
     Law {
         name: "shear",
         what: |_, n| {
+            let x = n[0];
             format!(
-                "the points are sheared: x lies off by {:.3} of y, or the scene moved so during the scan",
-                n[0]
+                "the points are sheared: x lies off by {x:.3} of y, or the scene moved so during the scan"
             )
         },
-        proposed: Proposed::BySteps(1),
         steps: &[[0.05, 0.6]],
         of_point: Some(|n, p, _| p + DVec2::new(n[0] * p.y, 0.0)),
         ..OF_PLACES
@@ -343,9 +354,9 @@ pub const LAWS: &[Law] = &[
     Law {
         name: "radial",
         what: |_, n| {
+            let out = 1.0 + n[0];
             format!(
-                "points half a wall from the middle lie {:.3} times as far out as given, with the square of the distance, as of mirrors",
-                1.0 + n[0]
+                "points half a wall from the middle lie {out:.3} times as far out as given, with the square of the distance, as of mirrors"
             )
         },
         proposed: Proposed::BySteps(2),
@@ -356,113 +367,60 @@ pub const LAWS: &[Law] = &[
     Law {
         name: "keystone",
         what: |_, n| {
+            let [x0, x1, y0, y1] = [1.0 - n[0], 1.0 + n[0], 1.0 - n[1], 1.0 + n[1]];
             format!(
-                "the points form a keystone: from one end of the wall to the other, x is stretched from {:.2} to {:.2} along y, y from {:.2} \
-                 to {:.2} along x",
-                1.0 - n[0],
-                1.0 + n[0],
-                1.0 - n[1],
-                1.0 + n[1]
+                "the points form a keystone: from one end of the wall to the other, x is stretched from {x0:.2} to {x1:.2} along y, y from \
+                 {y0:.2} to {y1:.2} along x"
             )
         },
-        proposed: Proposed::BySteps(1),
         steps: &[[0.05, 0.5]; 2],
         of_point: Some(|n, p, _| p + p.x * p.y * DVec2::new(n[0], n[1])),
         ..OF_PLACES
     },
-    Law {
-        name: "moved along x",
-        what: |s, n| moved(s, n, "x", s.frame.metres(DVec2::splat(n[3])).x),
-        of_point: Some(|n, p, _| p - has_moved(n, p.x) * DVec2::new(n[0], n[1])),
-        of_pair: Some(|s, n, pair| [1.0, 2.0 * s.frame.half * n[2] * has_moved(n, s.middle_of(pair).x)]),
-        ..OF_MOTIONS
-    },
-    Law {
-        name: "moved along y",
-        what: |s, n| moved(s, n, "y", s.frame.metres(DVec2::splat(n[3])).y),
-        of_point: Some(|n, p, _| p - has_moved(n, p.y) * DVec2::new(n[0], n[1])),
-        of_pair: Some(|s, n, pair| [1.0, 2.0 * s.frame.half * n[2] * has_moved(n, s.middle_of(pair).y)]),
-        ..OF_MOTIONS
-    },
+    Law { name: "moved along x", ..of_motion::<0>() },
+    Law { name: "moved along y", ..of_motion::<1>() },
     Law {
         name: "one laser",
         what: |s, n| {
-            let DVec2 { x, y } = s.frame.metres(DVec2::new(n[0], n[1]));
+            let DVec2 { x, y } = s.metres(DVec2::new(n[0], n[1]));
             format!(
                 "the laser stayed at about ({x:.2}, {y:.2}) m for all pairs, though the capture says that it lights the sensor's point"
             )
         },
         hint: "give the laser points as they were",
+        proposed: Proposed::AsScale,
         starts: |_| {
             [[0.0; 2], [0.5, 0.5], [-0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]].map(|at| at.to_vec()).to_vec()
         },
-        steps: &[[0.2, 2.0], [0.2, 2.0]],
+        steps: &[[0.2, 2.0]; 2],
         has_opposite: false,
-        least: 0.0,
-        of_point: Some(|n, p, of| if of == Of::Laser { DVec2::new(n[0], n[1]) } else { p }),
+        of_point: Some(|n, p, is_laser| if is_laser { DVec2::new(n[0], n[1]) } else { p }),
         applies: |s| s.is_confocal,
-        ..OF_PLACES
+        ..OF_DELAYS
     },
     Law {
         name: "laser",
-        what: |s, n| {
-            format!("the laser's light on the wall weakens as from a device at {}", place(s.device(n)))
-        },
-        of_pair: Some(|s, n, pair| [fall(s.device(n), s.laser[pair]), 0.0]),
+        what: |s, n| format!("the laser's light on the wall weakens as from {}", device_at(s, n)),
+        gain: Some(|s, n, pair| fall(s.device(n), s.laser[pair])),
         ..OF_DEVICES
     },
     Law {
         name: "detector",
-        what: |s, n| {
-            format!("the detector's light from the wall weakens as to a device at {}", place(s.device(n)))
-        },
-        of_pair: Some(|s, n, pair| [fall(s.device(n), s.sensor[pair]), 0.0]),
+        what: |s, n| format!("the detector's light from the wall weakens as to {}", device_at(s, n)),
+        gain: Some(|s, n, pair| fall(s.device(n), s.sensor[pair])),
         applies: |s| !s.is_confocal,
         ..OF_DEVICES
     },
     Law {
         name: "both",
-        what: |s, n| {
-            format!("the light of laser and detector weakens as from a device at {}", place(s.device(n)))
-        },
-        of_pair: Some(|s, n, pair| {
-            let device = s.device(n);
-            [fall(device, s.laser[pair]) * fall(device, s.sensor[pair]), 0.0]
-        }),
+        what: |s, n| format!("the light of laser and detector weakens as from {}", device_at(s, n)),
+        gain: Some(|s, n, pair| fall(s.device(n), s.laser[pair]) * fall(s.device(n), s.sensor[pair])),
         ..OF_DEVICES
     },
-    Law {
-        name: "rows",
-        what: |s, n| stepped("rows", s.scan[1], n),
-        hint: "divide the counts by the power of each row",
-        starts: |s| steps_of(s.scan[1]),
-        of_pair: Some(|s, n, pair| [step(s.scan[1], pair % s.scan[1], n), 0.0]),
-        applies: |s| s.scan[1] >= 8 && s.scan[0] >= 4,
-        ..OF_POWERS
-    },
-    Law {
-        name: "columns",
-        what: |s, n| stepped("columns", s.scan[0], n),
-        hint: "divide the counts by the power of each column",
-        starts: |s| steps_of(s.scan[0]),
-        of_pair: Some(|s, n, pair| [step(s.scan[0], pair / s.scan[1], n), 0.0]),
-        applies: |s| s.scan[0] >= 8 && s.scan[1] >= 4,
-        ..OF_POWERS
-    },
-    Law {
-        name: "delays of columns",
-        what: |_, n| pattern("columns", "x", n),
-        of_pair: Some(|s, n, pair| [1.0, n[pair / s.scan[1]]]),
-        applies: |s| s.scan[0] >= 4 && s.scan[1] > 1,
-        ..OF_LINES
-    },
-    Law {
-        name: "delays of rows",
-        what: |_, n| pattern("rows", "y", n),
-        of_pair: Some(|s, n, pair| [1.0, n[pair % s.scan[1]]]),
-        applies: |s| s.scan[1] >= 4 && s.scan[0] > 1,
-        ..OF_LINES
-    },
+    Law { name: "rows", ..of_power::<1>() },
+    Law { name: "columns", ..of_power::<0>() },
+    Law { name: "delays of columns", ..of_lines::<0>() },
+    Law { name: "delays of rows", ..of_lines::<1>() },
 ];
 
 /// The law of this name.
@@ -470,20 +428,32 @@ pub fn named(name: &str) -> &'static Law {
     LAWS.iter().find(|law| law.name == name).expect("a law")
 }
 
+/// The law of a correction of a file, and the scan of a capture about the wall of the file; `None` if the law is of its own capture alone,
+/// or of another kind of scan.
+///
+/// # Errors
+/// No such law, or a number of lines that is not the capture's, as text.
+pub fn stored(
+    of: &settings::Correction,
+    capture: &Capture,
+) -> Result<Option<(&'static Law, LawScan)>, String> {
+    let given = of.numbers.len();
+    let law = LAWS.iter().find(|law| law.name == of.law);
+    let law = law.filter(|law| matches!(law.proposed, Proposed::ByLines(_)) || law.steps.len() == given);
+    let law = law.ok_or_else(|| format!("no law {:?} of {given} numbers is known", of.law))?;
+    let count = law.count(capture.scan);
+    if count != given {
+        return Err(format!("it has {given} {}, the capture has {count}", law.name));
+    }
+    let scan = LawScan { middle: of.middle.into(), half: of.half, ..LawScan::of(capture) };
+    Ok((law.is_of_rig && (law.applies)(&scan)).then_some((law, scan)))
+}
+
 /// Positions of a device to begin with.
 fn positions(_: &LawScan) -> Vec<Vec<f64>> {
-    const OFF: [[f64; 2]; 9] = [
-        [0.0, 0.0],
-        [1.0, 0.0],
-        [-1.0, 0.0],
-        [0.0, 1.0],
-        [0.0, -1.0],
-        [1.0, 1.0],
-        [-1.0, 1.0],
-        [1.0, -1.0],
-        [-1.0, -1.0],
-    ];
-    let of = |z: f64| OFF.map(|[x, y]| vec![x * z.max(1.0), y * z.max(1.0), z.ln()]);
+    const X: [f64; 9] = [0.0, 1.0, -1.0, 0.0, 0.0, 1.0, -1.0, 1.0, -1.0];
+    const Y: [f64; 9] = [0.0, 0.0, 0.0, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0];
+    let of = |z: f64| (0..9).map(move |i| vec![X[i] * z.max(1.0), Y[i] * z.max(1.0), z.ln()]);
     [0.5f64, 1.0, 2.0, 4.0].into_iter().flat_map(of).collect()
 }
 
@@ -499,42 +469,27 @@ fn steps_of(lines: usize) -> Vec<Vec<f64>> {
     each.flat_map(|line| [-0.2, 0.2].map(|step| vec![line, step])).collect()
 }
 
-fn step(lines: usize, line: usize, n: &[f64]) -> f64 {
-    if line as f64 + 0.5 > n[0] * lines as f64 { n[1].exp() } else { 1.0 }
-}
-
-fn stepped(what: &str, lines: usize, n: &[f64]) -> String {
-    format!(
-        "from line {:.0} of the {what} on, counts are {:.2} times as high, as of a laser whose power changed",
-        n[0] * lines as f64,
-        n[1].exp()
-    )
-}
-
 /// 1 where a coordinate `at` is behind the place of the motion, else 0.
 fn has_moved(n: &[f64], at: f64) -> f64 {
     f64::from(u8::from(at > n[3]))
 }
 
-fn moved(s: &LawScan, n: &[f64], axis: &str, at: f64) -> String {
-    let [x, y, z] = [n[0], n[1], n[2]].map(|n| 100.0 * s.frame.half * n);
-    format!(
-        "the scene moved during the scan: points of the wall where {axis} is above {at:.2} m see it ({x:.1}, {y:.1}, {z:.1}) cm from where \
-         the others do"
-    )
-}
-
 fn later(metres: f64) -> String {
     let side = if metres > 0.0 { "later" } else { "earlier" };
-    format!(
-        "{:.1} cm of path ({:.0} ps) {side}",
-        100.0 * metres.abs(),
-        (metres / METRES_PER_PICOSECOND).abs()
-    )
+    let [centimetres, picoseconds] = [100.0 * metres.abs(), (metres / METRES_PER_PICOSECOND).abs()];
+    format!("{centimetres:.1} cm of path ({picoseconds:.0} ps) {side}")
+}
+
+fn off_path_0(n: &[f64]) -> String {
+    format!("all counts are {} than path 0 says", later(n[0]))
 }
 
 fn place(p: DVec3) -> String {
     format!("({:.2}, {:.2}, {:.2}) m", p.x, p.y, p.z)
+}
+
+fn device_at(s: &LawScan, n: &[f64]) -> String {
+    format!("a device at {}", place(s.device(n)))
 }
 
 /// Delays of lines as a sentence.
@@ -586,19 +541,24 @@ fn pattern(lines: &str, axis: &str, delays: &[f64]) -> String {
     }
 }
 
+impl std::fmt::Debug for Law {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
 impl Law {
     /// Numbers of the law for this scan: those of lines are as many as the lines.
     pub fn count(&self, scan: [usize; 2]) -> usize {
-        match (self.proposed, self.name) {
-            (Proposed::ByLines, "delays of rows") => scan[1],
-            (Proposed::ByLines, _) => scan[0],
+        match self.proposed {
+            Proposed::ByLines(axis) => scan[axis],
             _ => self.steps.len(),
         }
     }
 
     /// Whether steps from one surface find its numbers.
     pub fn is_closed_form(&self) -> bool {
-        matches!(self.proposed, Proposed::ByLines | Proposed::ByProducts)
+        matches!(self.proposed, Proposed::ByLines(_) | Proposed::ByProducts)
     }
 
     /// First steps at these numbers, times a factor, and how far each number may be from 0.
@@ -609,113 +569,68 @@ impl Law {
 
     /// Whether the counts of a capture change, beyond its time zero.
     pub fn changes_counts(&self) -> bool {
-        self.of_pair.is_some() && !["time zero", "record"].contains(&self.name)
+        let has_effect = self.gain.is_some() || self.delay.is_some();
+        has_effect && !["time zero", "record"].contains(&self.name)
     }
 
-    /// The effect on all pairs.
-    pub fn effect_on_all(&self, setting: &LawScan, numbers: &[f64]) -> Effect {
-        let pairs: Vec<usize> = (0..setting.laser.len()).collect();
-        self.effect(setting, numbers, &pairs)
+    /// Logarithms of the factors of the counts of these pairs; empty: 0. A common one is the albedo's.
+    pub fn logs(&self, scan: &LawScan, numbers: &[f64], pairs: &[usize]) -> Vec<f64> {
+        let Some(gain) = self.gain else { return vec![] };
+        let logs: Vec<f64> = pairs.iter().map(|pair| gain(scan, numbers, *pair).ln()).collect();
+        let mean = logs.iter().sum::<f64>() / logs.len().max(1) as f64;
+        logs.into_iter().map(|log| log - mean).collect()
     }
 
-    /// Factors of the counts of all pairs.
-    pub fn gains(&self, setting: &LawScan, numbers: &[f64]) -> Vec<f64> {
-        self.effect_on_all(setting, numbers).logs.into_iter().map(f64::exp).collect()
+    /// Factors of the counts of all pairs, if it is a law of gains.
+    pub fn gains(&self, scan: &LawScan, numbers: &[f64]) -> Option<Vec<f64>> {
+        let pairs: Vec<usize> = (0..scan.laser.len()).collect();
+        self.gain.map(|_| self.logs(scan, numbers, &pairs).into_iter().map(f64::exp).collect())
     }
 
-    /// The effect on these pairs.
-    pub fn effect(&self, setting: &LawScan, numbers: &[f64], pairs: &[usize]) -> Effect {
-        let mut effect = Effect { logs: vec![], delays: vec![] };
-        let Some(of_pair) = self.of_pair else { return effect };
-        let each: Vec<[f64; 2]> = pairs.iter().map(|pair| of_pair(setting, numbers, *pair)).collect();
-        // A common gain is the albedo's.
-        let mean = each.iter().map(|of| of[0].ln()).sum::<f64>() / each.len().max(1) as f64;
-        effect.logs = each.iter().map(|of| of[0].ln() - mean).collect();
-        effect.delays = each.iter().map(|of| of[1]).collect();
-        effect
+    /// Metres of path by which counts of all pairs are late; empty: 0.
+    pub fn delays(&self, scan: &LawScan, numbers: &[f64]) -> Vec<f64> {
+        let all = |delay: fn(&LawScan, &[f64], usize) -> f64| {
+            (0..scan.laser.len()).map(|pair| delay(scan, numbers, pair)).collect()
+        };
+        self.delay.map_or_else(Vec::new, all)
     }
 
     /// The capture without it. Counts are divided so that photon noise keeps its size, late ones moved by whole bins unless all are
     /// equally late.
-    pub fn undone(&self, capture: &Capture, setting: &LawScan, numbers: &[f64]) -> Capture {
-        let Effect { logs, delays } = self.effect_on_all(setting, numbers);
+    pub fn undone(&self, capture: &Capture, scan: &LawScan, numbers: &[f64]) -> Capture {
         let mut undone = capture.clone();
         if let Some(of_point) = self.of_point {
             undone.given.get_or_insert_with(|| Arc::new([capture.laser.clone(), capture.sensor.clone()]));
-            let moved = |point: &mut DVec3, of: Of| {
-                let there = setting.frame.metres(of_point(numbers, setting.frame.centred(*point), of));
-                *point = there.extend(point.z);
-            };
-            undone.laser.iter_mut().for_each(|point| moved(point, Of::Laser));
-            undone.sensor.iter_mut().for_each(|point| moved(point, Of::Sensor));
+            for (points, is_laser) in [(&mut undone.laser, true), (&mut undone.sensor, false)] {
+                for point in points {
+                    let there = scan.metres(of_point(numbers, scan.centred(*point), is_laser));
+                    *point = there.extend(point.z);
+                }
+            }
         }
-        if logs.iter().any(|log| *log != 0.0) {
-            undone.divide(logs.into_iter().map(f64::exp).collect());
+        if let Some(gains) = self.gains(scan, numbers) {
+            undone.divide(gains);
         }
+        let delays = self.delays(scan, numbers);
         let first = delays.first().copied().unwrap_or(0.0);
         if delays.iter().all(|delay| *delay == first) {
             undone.t_start -= first;
-        } else {
-            let bins = capture.bins;
-            for (pair, row) in undone.histograms.chunks_exact_mut(bins).enumerate() {
-                let late =
-                    (delays[pair] / capture.bin_width).round().clamp(-(bins as f64), bins as f64) as isize;
-                let from = row.to_vec();
-                let at = |bin: usize| bin.saturating_add_signed(late).min(bins - 1);
-                row.iter_mut().enumerate().for_each(|(bin, v)| *v = from[at(bin)]);
-            }
+            return undone;
+        }
+        let bins = capture.bins;
+        for (row, delay) in undone.histograms.chunks_exact_mut(bins).zip(delays) {
+            let late = (delay / capture.bin_width).round().clamp(-(bins as f64), bins as f64) as isize;
+            let from = row.to_vec();
+            let at = |bin: usize| bin.saturating_add_signed(late).min(bins - 1);
+            row.iter_mut().enumerate().for_each(|(bin, v)| *v = from[at(bin)]);
         }
         undone
     }
-}
-
-/// A law with its numbers, about the wall on which they were found.
-#[derive(Debug, Clone)]
-pub struct LawCorrection {
-    pub law: &'static Law,
-    pub numbers: Vec<f64>,
-    pub frame: WallFrame,
-}
-
-impl LawCorrection {
-    /// A correction of a file for a capture; `None` if the law is of its own capture alone, or of another kind of scan.
-    ///
-    /// # Errors
-    /// No such law, or a number of lines that is not the capture's, as text.
-    pub fn stored(of: &settings::Correction, capture: &Capture) -> Result<Option<LawCorrection>, String> {
-        let (given, scan) = (of.numbers.len(), capture.scan);
-        let law = LAWS.iter().find(|law| law.name == of.law);
-        let Some(law) = law.filter(|law| law.proposed == Proposed::ByLines || law.steps.len() == given)
-        else {
-            return Err(format!("no law {:?} of {given} numbers is known", of.law));
-        };
-        if law.count(scan) != given {
-            return Err(format!("it has {given} {}, the capture has {}", law.name, law.count(scan)));
-        }
-        let frame = WallFrame { middle: DVec2::from_array(of.middle), half: of.half };
-        let correction = LawCorrection { law, numbers: of.numbers.clone(), frame };
-        Ok((law.is_of_rig && (law.applies)(&correction.scan(capture))).then_some(correction))
-    }
 
     /// The correction as a file has it.
-    pub fn as_stored(&self) -> settings::Correction {
-        let WallFrame { middle, half } = self.frame;
-        let (law, numbers) = (self.law.name.into(), self.numbers.clone());
-        settings::Correction { law, numbers, middle: middle.to_array(), half }
-    }
-
-    fn scan(&self, capture: &Capture) -> LawScan {
-        LawScan { frame: self.frame, ..LawScan::of(capture) }
-    }
-
-    /// The capture without it.
-    pub fn undone(&self, capture: &Capture) -> Capture {
-        self.law.undone(capture, &self.scan(capture), &self.numbers)
-    }
-
-    /// What is wrong with a capture, as a sentence.
-    pub fn what(&self, capture: &Capture) -> String {
-        (self.law.what)(&self.scan(capture), &self.numbers)
+    pub fn as_stored(&self, scan: &LawScan, numbers: &[f64]) -> settings::Correction {
+        let (law, numbers) = (self.name.into(), numbers.to_vec());
+        settings::Correction { law, numbers, middle: scan.middle.to_array(), half: scan.half }
     }
 }
 
@@ -765,7 +680,7 @@ mod tests {
         assert_eq!(undone.histograms, proper.histograms);
         assert!((named("time zero").undone(&proper, &setting, &[0.13]).t_start + 0.13).abs() < 1e-12);
         // Legs of a device in front of the middle: its own point is the one that is not late.
-        let late = named("legs").effect(&setting, &[0.0, 0.0, 0.0], &pairs).delays;
+        let late = named("legs").delays(&setting, &[0.0, 0.0, 0.0]);
         let corner = 2.0 * 0.9375 * (3.0f64.sqrt() - 1.0);
         assert!(
             (late[0] - corner).abs() < 1e-9 && late.iter().all(|delay| *delay >= 0.0),
@@ -774,7 +689,7 @@ mod tests {
         );
         for name in ["laser", "both", "rows"] {
             let (of, numbers) = (named(name), (named(name).starts)(&setting).swap_remove(1));
-            let logs = of.effect(&setting, &numbers, &pairs).logs;
+            let logs = of.logs(&setting, &numbers, &pairs);
             let mut weighted = proper.clone();
             for (row, log) in weighted.histograms.chunks_exact_mut(120).zip(&logs) {
                 row.iter_mut().for_each(|v| *v *= log.exp() as f32);
@@ -793,7 +708,7 @@ mod tests {
     fn a_motion_is_undone_behind_its_place() {
         let capture = capture();
         let setting = LawScan::of(&capture);
-        let half = setting.frame.half;
+        let half = setting.half;
         for (name, is_behind) in [("moved along x", DVec3::X), ("moved along y", DVec3::Y)] {
             let undone = named(name).undone(&capture, &setting, &[0.2, -0.1, 0.02 / half, 0.0]);
             for pair in 0..256 {
@@ -852,14 +767,13 @@ mod tests {
         for pair in 0..32 {
             capture.histograms[pair * 50 + 20 + late(pair / 2)] = 9.0;
         }
-        let frame = LawScan::of(&capture).frame;
-        let of = |delay: &dyn Fn(usize) -> f64| {
-            let numbers = (0..16).map(|line| picosecond * delay(line)).collect();
-            LawCorrection { law: named("delays of columns"), numbers, frame }
-        };
-        assert_eq!(of(&|line| 32.0 * late(line) as f64).undone(&capture), proper);
+        let (law, scan) = (named("delays of columns"), LawScan::of(&capture));
+        let of = |delay: &dyn Fn(usize) -> f64| (0..16).map(|line| picosecond * delay(line)).collect();
+        let numbers: Vec<f64> = of(&|line| 32.0 * late(line) as f64);
+        assert_eq!(law.undone(&capture, &scan, &numbers), proper);
         let names = |delay: &dyn Fn(usize) -> f64, words: &str| {
-            let what = of(delay).what(&capture);
+            let numbers: Vec<f64> = of(delay);
+            let what = (law.what)(&scan, &numbers);
             assert!(what.contains(words), "{what}");
         };
         names(&|line| 100.0 * (line % 2) as f64, "every second one of the columns is late by 100 ps");
@@ -877,14 +791,14 @@ mod tests {
         let scan = LawScan::of(&capture);
         for law in LAWS.iter().filter(|law| law.is_of_rig && (law.applies)(&scan)) {
             let numbers: Vec<f64> = match law.proposed {
-                Proposed::ByLines => {
+                Proposed::ByLines(_) => {
                     (0..law.count(capture.scan)).map(|line| 0.01 * (line % 3) as f64).collect()
                 }
                 _ => law.steps.iter().map(|[step, _]| 0.5 * step).collect(),
             };
-            let correction = LawCorrection { law, numbers: numbers.clone(), frame: scan.frame };
-            let again = LawCorrection::stored(&correction.as_stored(), &capture).unwrap().unwrap();
-            assert_eq!(again.undone(&capture), law.undone(&capture, &scan, &numbers), "{law:?}");
+            let (again, about) = stored(&law.as_stored(&scan, &numbers), &capture).unwrap().unwrap();
+            let undone = again.undone(&capture, &about, &numbers);
+            assert_eq!(undone, law.undone(&capture, &scan, &numbers), "{law:?}");
         }
     }
 }

@@ -1,11 +1,13 @@
 //! Gains of held-out pairs by one surface: sums of products of its rendering, of those of smooth changes of the surface, and of what is
 //! measured. What the gains of any law leave with the best of these surfaces follows from them, without another rendering.
 
+use std::convert::Infallible;
+
 use thirdbounce_base::equations::solve_symmetric;
+use thirdbounce_base::minimise::simplex;
 
 use super::correction::{LAWS, Law, LawScan, Proposed};
-use super::trial::{Fitted, Trial};
-use super::trials::{Proposal, TriedLaw, minimised};
+use super::trial::{Proposal, Trial, Trials, TriedLaw};
 use crate::Result;
 use crate::maps::Maps;
 use crate::surface::{HeldOut, mean_and_error};
@@ -33,14 +35,12 @@ const STEPS: [f64; 2] = [0.2, 0.5];
 /// Share of the square of a change below which nothing determines it beside the others.
 const LEAST: f64 = 1e-9;
 
-type Products = [[f64; COLUMNS]; COLUMNS];
-
 /// Sums of products of rows of the held-out pairs, as the objective weighs them.
 #[derive(Debug, Clone)]
 struct Sense {
     /// The pair of the capture for each row.
     pairs: Vec<usize>,
-    products: Vec<Products>,
+    products: Vec<[[f64; COLUMNS]; COLUMNS]>,
     /// Photon noise in the squares of all pairs.
     noise: f64,
 }
@@ -91,7 +91,7 @@ impl Sense {
             }
         }
         solve_symmetric(&mut sums, &mut sides, LEAST);
-        let of_pair = |(pair, products): (usize, &Products)| {
+        let of_pair = |(pair, products): (usize, &[[f64; COLUMNS]; COLUMNS])| {
             let gain = gain(pair);
             let of = |a: usize| sides.iter().enumerate().map(|(b, f)| f * products[a][b]).sum::<f64>();
             let [cross, own] = sides.iter().enumerate().fold([0.0; 2], |[cross, own], (a, factor)| {
@@ -136,27 +136,21 @@ fn changed(layers: &[Maps], mode: usize, bin_width: f64) -> Vec<Maps> {
     changed
 }
 
-/// Numbers of a law of gains.
-struct SuitedGains {
-    law: &'static Law,
-    numbers: Vec<f64>,
-    /// Share of what is left that they are predicted to explain, and by how many standard errors.
-    explains: [f64; 2],
-}
-
-/// Of a law of gains, the numbers that suit what a surface shows best, beyond `base`, which is undone in it.
+/// Of a law of gains, the numbers that suit what a surface shows best, beyond `base`, which is undone in it; and the share of what is left
+/// that they are predicted to explain, with its standard errors.
 fn suited(
     sense: &Sense,
     scan: &LawScan,
     law: &'static Law,
     base: Option<&[f64]>,
-) -> Result<Option<SuitedGains>> {
-    let logs = |numbers: &[f64]| law.effect(scan, numbers, &sense.pairs).logs;
+) -> Option<(Vec<f64>, [f64; 2])> {
+    let logs = |numbers: &[f64]| law.logs(scan, numbers, &sense.pairs);
     let undone = base.map_or_else(|| vec![0.0; sense.pairs.len()], logs);
-    let beyond = |numbers: &[f64]| -> Vec<f64> {
-        logs(numbers).iter().zip(&undone).map(|(log, undone)| log - undone).collect()
+    let left = |numbers: &[f64]| {
+        let beyond: Vec<f64> = logs(numbers).iter().zip(&undone).map(|(log, undone)| log - undone).collect();
+        sense.left(&beyond)
     };
-    let mut cost = |numbers: &[f64]| Ok(sense.left(&beyond(numbers)).iter().sum::<f64>());
+    let cost = |numbers: &[f64]| left(numbers).iter().sum::<f64>();
     let mut starts = (law.starts)(scan);
     if let Some(base) = base {
         // A number without a step stays what it is at a start.
@@ -166,32 +160,28 @@ fn suited(
         });
         starts.push(base.to_vec());
     }
-    let begun = starts.into_iter().map(|start| Ok((cost(&start)?, start))).collect::<Result<Vec<_>>>()?;
-    let Some(begin) = begun.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { return Ok(None) };
-    let (least, numbers) = minimised(&mut cost, begin, law.steps, EVALUATIONS, ALIKE)?;
-    let (none, after) = (sense.left(&[]), sense.left(&beyond(&numbers)));
+    let begin = starts.into_iter().map(|start| (cost(&start), start)).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let of = &mut |numbers: &[f64]| Ok::<_, Infallible>(cost(numbers));
+    let Ok((least, numbers)) = simplex(of, begin, law.steps, EVALUATIONS, ALIKE);
+    let (none, after) = (sense.left(&[]), left(&numbers));
     let squares: f64 = none.iter().sum();
     let [mean, error] = mean_and_error(none.iter().zip(&after).map(|(before, after)| before - after));
     let errors = mean / error.max(f64::MIN_POSITIVE);
-    Ok(Some(SuitedGains {
-        law,
-        numbers,
-        explains: [(squares - least) / sense.beyond_noise(squares), errors],
-    }))
+    Some((numbers, [(squares - least) / sense.beyond_noise(squares), errors]))
 }
 
 /// The law of gains that suits a surface best, if that is worth a fit.
 ///
 /// # Errors
 /// The device fails.
-pub fn proposed(trial: &Trial<'_>, base: &Fitted, scan: &LawScan) -> Result<Option<Proposal>> {
+pub fn proposed(trials: &Trials<'_>) -> Result<Option<Proposal>> {
+    let Trials { trial, base, scan, .. } = trials;
     let Some(sense) = Sense::of(trial, &base.surface.layers)? else { return Ok(None) };
     let laws = LAWS.iter().filter(|law| law.proposed == Proposed::ByProducts && (law.applies)(scan));
-    let each = laws.map(|law| suited(&sense, scan, law, None)).collect::<Result<Vec<_>>>()?;
-    let worth =
-        each.into_iter().flatten().filter(|of| of.explains[0] > WORTH[0] && of.explains[1] > WORTH[1]);
-    let best = worth.max_by(|a, b| a.explains[0].total_cmp(&b.explains[0]));
-    Ok(best.map(|SuitedGains { law, numbers, .. }| Proposal { law, starts: vec![numbers], is_far: false }))
+    let each = laws.filter_map(|law| Some((law, suited(&sense, scan, law, None)?)));
+    let worth = each.filter(|(_, (_, [share, errors]))| *share > WORTH[0] && *errors > WORTH[1]);
+    let best = worth.max_by(|(_, (_, a)), (_, (_, b))| a[0].total_cmp(&b[0]));
+    Ok(best.map(|(law, (numbers, _))| Proposal { law, starts: vec![numbers], is_far: false }))
 }
 
 /// Numbers beyond those of a trial, by what its surface shows of `undone`, the capture without them; `None` without light.
@@ -201,7 +191,7 @@ pub fn proposed(trial: &Trial<'_>, base: &Fitted, scan: &LawScan) -> Result<Opti
 pub fn next(undone: &Trial<'_>, tried: &TriedLaw, scan: &LawScan) -> Result<Option<Vec<f64>>> {
     let TriedLaw { law, numbers, fitted, .. } = tried;
     let Some(sense) = Sense::of(undone, &fitted.surface.layers)? else { return Ok(None) };
-    let Some(next) = suited(&sense, scan, law, Some(numbers))? else { return Ok(None) };
-    let steps = numbers.iter().zip(&next.numbers).map(|(from, to)| from + LONGER * (to - from));
+    let Some((next, _)) = suited(&sense, scan, law, Some(numbers)) else { return Ok(None) };
+    let steps = numbers.iter().zip(&next).map(|(from, to)| from + LONGER * (to - from));
     Ok(Some(steps.zip(law.steps).map(|(n, [_, far])| n.clamp(-far, *far)).collect()))
 }

@@ -2,36 +2,35 @@
 //! device, a peak that all pairs share. Each is undone first, if held-out pairs allow it.
 
 use std::borrow::Cow;
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use super::correction::LawCorrection;
-use super::decide::{EvidenceGate, both, both_in_counts};
-use super::estimate::held;
-use super::finding::{CaptureFinding, FindingSource};
+use super::correction::stored;
+use super::decide::{CaptureFinding, EvidenceGate, FindingSource, both, both_in_counts};
 use super::job::Job;
+use super::physics::held;
 use crate::capture::{Capture, GainLaw, gain};
 use crate::engine::noise::{background, variance_per_count};
-use crate::engine::{Progress, room_light, without_room};
+use crate::engine::{OnProgress, room_light, without_room};
 use crate::gpu::Gpu;
 use crate::methods::SolverOptions;
-use crate::settings::{self, Calibrate, DevicePosition};
+use crate::settings::{Calibrate, Correction, DevicePosition};
 use crate::surface::{HeldOut, Left};
 use crate::{Error, Result};
 
 /// Least ratio of the largest gain to the least one: a law that changes less than this changes no maps.
 const LEAST_RATIO: f64 = 1.02;
 
-/// A correction that is given: what is kept without it, and the versions of the capture with it, the usual one first.
+/// A correction that is given, and the versions of the capture with it, the usual one first.
 struct Offer {
     finding: CaptureFinding,
-    without: Capture,
+    /// What is kept without it, if that is not the capture as it is.
+    without: Option<Capture>,
     versions: Vec<Version>,
 }
 
 struct Version {
-    name: String,
+    name: &'static str,
     what: String,
     capture: Capture,
     /// By which the counts of each pair are divided.
@@ -43,11 +42,7 @@ struct Version {
 /// # Errors
 /// A file that cannot be read, or that does not suit the scan; a position that is set and not in front of the wall; the device
 /// fails, or `hear` cancels.
-pub fn given<'c>(
-    mut job: Job<'c>,
-    gpu: &Gpu,
-    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Job<'c>> {
+pub fn given<'c>(mut job: Job<'c>, gpu: &Gpu, hear: &mut OnProgress<'_>) -> Result<Job<'c>> {
     let clock = Instant::now();
     for offered in [empty_room, shared, calibration, device] {
         if let Some(offer) = offered(&job)?.filter(|_| job.has_light()) {
@@ -59,28 +54,24 @@ pub fn given<'c>(
 }
 
 /// The job with the version that held-out pairs prefer, or without any.
-fn tried<'c>(
-    mut job: Job<'c>,
-    offer: Offer,
-    gpu: &Gpu,
-    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Job<'c>> {
-    let Offer { mut finding, without, mut versions } = offer;
-    let [is_room, is_searched] =
-        [FindingSource::Empty, FindingSource::Searched].map(|source| finding.source == source);
+fn tried<'c>(mut job: Job<'c>, offer: Offer, gpu: &Gpu, hear: &mut OnProgress<'_>) -> Result<Job<'c>> {
+    let Offer { mut finding, without: mut kept, mut versions } = offer;
+    let [is_room, is_searched, is_named] =
+        [FindingSource::Empty, FindingSource::Searched, FindingSource::Named].map(|of| finding.source == of);
     if is_room || is_searched {
         // Shadows are negative; the capture is what it was.
         job.settings.preset = Some(job.preset);
     }
-    let is_judged = matches!(job.solver, SolverOptions::Surface(_));
-    let is_asked = !is_searched && finding.source != FindingSource::Named;
+    let is_asked = !is_searched && !is_named;
     let mut chosen = (!versions.is_empty() && is_asked).then_some(0);
-    if is_judged && !versions.is_empty() {
-        let none = held(&job, &without, gpu, hear)?;
+    if matches!(job.solver, SolverOptions::Surface(_)) && !versions.is_empty() {
+        let none = held(&job, kept.as_ref().unwrap_or(&job.capture), gpu, hear)?;
         let fits = versions.iter().map(|v| held(&job, &v.capture, gpu, hear)).collect::<Result<Vec<_>>>()?;
-        let figures = |held: &Option<HeldOut>| held.as_ref().map(|held| figures_of(&held.left()));
-        finding.left = vec![("none".into(), figures(&none))];
-        finding.left.extend(versions.iter().zip(&fits).map(|(v, fit)| (v.name.clone(), figures(fit))));
+        let left = |held: &Option<HeldOut>| held.as_ref().map(HeldOut::left);
+        let lefts: Vec<Option<Left>> = fits.iter().map(left).collect();
+        let all = [("none", left(&none))].into_iter();
+        let all = all.chain(versions.iter().map(|v| v.name).zip(lefts.iter().cloned()));
+        finding.left = all.map(|(name, left)| (name.into(), left.map(|left| left.figures()))).collect();
         let gate = EvidenceGate::of(finding.source);
         let passes = |at: usize| match (&fits[at], &none) {
             (Some(after), Some(before)) if is_room => {
@@ -90,37 +81,23 @@ fn tried<'c>(
             // A surface is better than none.
             (after, before) => after.is_some() || before.is_none() && is_asked,
         };
-        let lefts: Vec<Option<Left>> = fits.iter().map(|fit| fit.as_ref().map(HeldOut::left)).collect();
         chosen = best(&lefts).or(chosen).filter(|at| passes(*at));
     }
-    let kept = chosen.map(|at| versions.swap_remove(at));
-    finding.is_used = kept.is_some();
-    let capture = match kept {
-        Some(version) => {
-            finding.what = version.what;
-            finding.law = finding.at.map(|_| version.name);
-            Some(version.capture)
-        }
-        None => is_room.then_some(without),
-    };
-    if !finding.is_used && finding.source == FindingSource::File {
+    finding.is_used = chosen.is_some();
+    if let Some(Version { name, what, capture, .. }) = chosen.map(|at| versions.swap_remove(at)) {
+        finding.what = what;
+        finding.law = finding.at.map(|_| name.into());
+        kept = Some(capture);
+    } else if finding.source == FindingSource::File {
         finding.corrections.clear();
     }
-    let why = job.why;
-    let mut job = match capture {
-        Some(capture) => job.again(Cow::Owned(capture)),
-        None => job,
-    };
-    job.why = why;
+    if let Some(capture) = kept {
+        job = Job { why: job.why, ..job.again(Cow::Owned(capture)) };
+    }
     if finding.is_used || !is_searched {
         job.estimates.findings.push(finding);
     }
     Ok(job)
-}
-
-/// Share of held-out pairs that is left beyond noise, and its standard error.
-pub fn figures_of(left: &Left) -> [f64; 2] {
-    [left.excess(), left.standard_error()]
 }
 
 /// The version that leaves least: its index. Those that come first are more usual and stay where the difference is chance.
@@ -129,6 +106,12 @@ fn best(versions: &[Option<Left>]) -> Option<usize> {
     let (at, least) = found.min_by(|a, b| a.1.excess().total_cmp(&b.1.excess()))?;
     let is_alike = |left: &Option<Left>| left.as_ref().is_some_and(|left| !least.is_less(left));
     Some(versions[..at].iter().position(is_alike).unwrap_or(at))
+}
+
+/// The least and the largest of some gains.
+fn range(gains: &[f64]) -> [f64; 2] {
+    let all = || gains.iter().copied();
+    [all().fold(f64::INFINITY, f64::min), all().fold(0.0, f64::max)]
 }
 
 /// The subtraction of the empty room that the capture holds.
@@ -141,20 +124,17 @@ fn empty_room(job: &Job<'_>) -> Result<Option<Offer>> {
         format!("{what}: no gain makes its light a part of the capture's"),
         "it has to show the same place in the same light, turned alike, without the object",
     );
-    let versions = without_room(&job.capture, &light).map(|(gain, capture)| {
-        let all = || gain.of_pair.iter().copied();
-        let mean = all().sum::<f64>() / gain.of_pair.len().max(1) as f64;
+    let version = without_room(&job.capture, &light).map(|(gain, capture)| {
+        let mean = gain.of_pair.iter().sum::<f64>() / gain.of_pair.len().max(1) as f64;
+        let ([least, most], share) = (range(&gain.of_pair), 100.0 * gain.share);
         finding.what = format!("{what} leaves more of the light of held-out pairs than is left without it");
-        let least = all().fold(f64::INFINITY, f64::min);
-        let most = all().fold(0.0, f64::max);
         finding.gain = Some([least, mean, most]);
         let what = format!(
-            "{what} is subtracted with the gain {mean:.3} ({least:.3} to {most:.3} over the pairs): {:.1} % of the counts",
-            100.0 * gain.share
+            "{what} is subtracted with the gain {mean:.3} ({least:.3} to {most:.3} over the pairs): {share:.1} % of the counts"
         );
-        Version { name: "subtracted".into(), what, capture, gains: None }
+        Version { name: "subtracted", what, capture, gains: None }
     });
-    Ok(Some(Offer { finding, without, versions: versions.into_iter().collect() }))
+    Ok(Some(Offer { finding, without: Some(without), versions: Vec::from_iter(version) }))
 }
 
 /// The subtraction of a peak that all pairs share.
@@ -169,16 +149,12 @@ fn shared(job: &Job<'_>) -> Result<Option<Offer>> {
     let (all, count) = (light.iter().sum::<f64>(), capture.pair_count() as f64);
     let top = (0..capture.bins).max_by(|a, b| light[*a].total_cmp(&light[*b])).unwrap_or(0);
     let path = capture.t_start + (top as f64 + 0.5) * capture.bin_width;
-    let share = all * count / capture.histograms.iter().map(|v| f64::from(*v)).sum::<f64>();
+    let share = 100.0 * (all * count / capture.histograms.iter().map(|v| f64::from(*v)).sum::<f64>());
     let what = format!(
-        "the same peak in every pair at a path of {path:.3} m, {:.1} % of the counts, as of a cover glass or the instrument's own light",
-        100.0 * share
+        "the same peak in every pair at a path of {path:.3} m, {share:.1} % of the counts, as of a cover glass or the instrument's own light"
     );
-    let finding = CaptureFinding::new(
-        FindingSource::Searched,
-        what.clone(),
-        "take away what reflects it, or measure the empty room",
-    );
+    let hint = "take away what reflects it, or measure the empty room";
+    let finding = CaptureFinding::new(FindingSource::Searched, what.clone(), hint);
     // Counts with a noise of their own are those of the scene alone.
     let (mut left, ground) = (capture.clone(), background(capture));
     for row in left.histograms.chunks_exact_mut(capture.bins) {
@@ -186,41 +162,36 @@ fn shared(job: &Job<'_>) -> Result<Option<Offer>> {
     }
     let floor = per_count * (all / capture.bins as f64 + ground);
     (left.noise, left.integer_counts) = (Some([per_count, floor]), false);
-    let version = Version { name: "subtracted".into(), what, capture: left, gains: None };
-    Ok(Some(Offer { finding, without: capture.clone(), versions: vec![version] }))
+    let version = Version { name: "subtracted", what, capture: left, gains: None };
+    Ok(Some(Offer { finding, without: None, versions: vec![version] }))
 }
 
 /// The corrections of the file that is set.
 fn calibration(job: &Job<'_>) -> Result<Option<Offer>> {
     let Some(set @ Calibrate::File(file)) = &job.settings.calibrate else { return Ok(None) };
     let (capture, finding) = undone(file, set.corrections()?, &job.capture)?;
-    let what = finding.what.clone();
-    let version = Version { name: "calibrated".into(), what, capture, gains: None };
+    let version = Version { name: "calibrated", what: finding.what.clone(), capture, gains: None };
     let versions = if finding.corrections.is_empty() { vec![] } else { vec![version] };
-    Ok(Some(Offer { finding, without: Capture::clone(&job.capture), versions }))
+    Ok(Some(Offer { finding, without: None, versions }))
 }
 
 /// The capture without the corrections of a file.
-fn undone(
-    file: &Path,
-    corrections: Vec<settings::Correction>,
-    capture: &Capture,
-) -> Result<(Capture, CaptureFinding)> {
+fn undone(file: &Path, corrections: Vec<Correction>, capture: &Capture) -> Result<(Capture, CaptureFinding)> {
     let name = file.display();
     const HINT: &str = "give the report.json of a capture of the same rig";
     let what = format!("the calibration {name} has nothing to undo");
     let mut finding = CaptureFinding::new(FindingSource::File, what, HINT);
     finding.file = Some(file.into());
     let (mut capture, mut what) = (capture.clone(), vec![]);
-    for stored in corrections {
-        let known = LawCorrection::stored(&stored, &capture);
+    for correction in corrections {
+        let known = stored(&correction, &capture);
         match known.map_err(|what| Error::input(format!("{name}: {what}"), HINT))? {
-            Some(correction) => {
-                what.push(correction.what(&capture));
-                capture = correction.undone(&capture);
-                finding.corrections.push(stored);
+            Some((law, scan)) => {
+                what.push((law.what)(&scan, &correction.numbers));
+                capture = law.undone(&capture, &scan, &correction.numbers);
+                finding.corrections.push(correction);
             }
-            None => finding.left_out.push(stored.law),
+            None => finding.left_out.push(correction.law),
         }
     }
     if !what.is_empty() {
@@ -236,11 +207,11 @@ fn undone(
 pub fn calibrated_scan<'c>(setting: Option<&Calibrate>, scan: &'c Capture) -> Result<Cow<'c, Capture>> {
     let Some(set @ Calibrate::File(file)) = setting else { return Ok(Cow::Borrowed(scan)) };
     let corrections = set.corrections()?;
-    for stored in &corrections {
-        if let Ok(Some(correction)) = LawCorrection::stored(stored, scan)
-            && correction.law.changes_counts()
+    for correction in &corrections {
+        if let Ok(Some((law, _))) = stored(correction, scan)
+            && law.changes_counts()
         {
-            let (name, law) = (file.display(), &stored.law);
+            let (name, law) = (file.display(), law.name);
             return Err(Error::options(
                 format!("{name}: {law:?} changes counts, and frames of a session are used unchanged"),
                 "correct each frame, and set calibrate to none",
@@ -271,16 +242,16 @@ fn device(job: &Job<'_>) -> Result<Option<Offer>> {
     };
     let mut versions: Vec<Version> = vec![];
     for law in GainLaw::ALL {
-        let gains = named.gains(law).filter(|gains| !is_even(gains));
-        let Some(gains) = gains.filter(|gains| versions.iter().all(|v| v.gains.as_ref() != Some(gains)))
-        else {
-            continue;
+        let is_new = |gains: &Vec<f64>| {
+            let [least, most] = range(gains);
+            most >= LEAST_RATIO * least && versions.iter().all(|v| v.gains.as_ref() != Some(gains))
         };
+        let Some(gains) = named.gains(law).filter(is_new) else { continue };
         let what = format!(
             "{} weakens by cos / distance\u{b2} as from a device at {place}: the counts are divided by it",
             law.light()
         );
-        let version = |capture| Version { name: law.name().into(), what, capture, gains: Some(gains) };
+        let version = |capture| Version { name: law.name(), what, capture, gains: Some(gains) };
         versions.extend(named.without_gains(law).map(version));
     }
     let why = match versions.is_empty() {
@@ -294,12 +265,7 @@ fn device(job: &Job<'_>) -> Result<Option<Offer>> {
         "check the position, or set it to none",
     );
     finding.at = Some(named.devices.map(|at| at.map(|at| at.to_array())));
-    Ok(Some(Offer { finding, without: Capture::clone(capture), versions }))
-}
-
-fn is_even(gains: &[f64]) -> bool {
-    let least = gains.iter().copied().fold(f64::INFINITY, f64::min);
-    gains.iter().copied().fold(0.0, f64::max) < LEAST_RATIO * least
+    Ok(Some(Offer { finding, without: None, versions }))
 }
 
 #[cfg(test)]
@@ -316,14 +282,14 @@ mod tests {
         Capture::new([8, 8], points.clone(), points, 40, 0.01, counts)
     }
 
-    fn correction(law: &str, numbers: &[f64]) -> settings::Correction {
-        settings::Correction { law: law.into(), numbers: numbers.to_vec(), middle: [0.5, 0.0], half: 2.0 }
+    fn correction(law: &str, numbers: &[f64]) -> Correction {
+        Correction { law: law.into(), numbers: numbers.to_vec(), middle: [0.5, 0.0], half: 2.0 }
     }
 
     #[test]
     fn corrections_of_a_file_are_about_its_wall() {
         let capture = capture();
-        let undone = |of: settings::Correction| undone(Path::new("rig.json"), vec![of], &capture);
+        let undone = |of: Correction| undone(Path::new("rig.json"), vec![of], &capture);
         let (wider, finding) = undone(correction("scale", &[0.1])).unwrap();
         let given = capture.laser[0];
         assert!(wider.laser[0].distance(dvec3(0.5 + 1.1 * (given.x - 0.5), 1.1 * given.y, 0.0)) < 1e-12);

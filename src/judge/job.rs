@@ -1,24 +1,19 @@
 //! A capture, and what the settings make of it.
 
 use std::borrow::Cow;
-use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use super::conclude::conclude_iterate;
-use super::constants::LEAST_FOR_PULSE;
-use super::estimates::{Estimates, FindPulse};
-use super::model::possible_models;
-use crate::capture::Capture;
-use crate::closed_form::LctOptions;
-use crate::engine::pixel_of;
-use crate::engine::{Accumulation, Problem, Progress, Watch, enough_pairs};
-use crate::gpu::Gpu;
-use crate::maps::Maps;
+use super::estimates::{Estimates, FindPulse, FoundPulse, possible_models};
+use crate::capture::{Capture, Pulse};
+use crate::engine::{Accumulation, Problem, enough_pairs};
 use crate::methods::{Method, SolverOptions};
 use crate::options::{Preset, SceneTraits};
 use crate::settings::{Calibrate, DevicePosition, ImpulseResponse, ReflectanceSetting, Settings};
 use crate::transport::{Grid, Reflectance};
 use crate::{Result, Verdict};
+
+/// Minimum hold-out size for an impulse response of exact values, pairs: with fewer, it only hides errors of the depths.
+const LEAST_FOR_PULSE: usize = 64;
 
 /// A capture with everything that its reconstruction needs: what is set, else defaults, else what short fits found.
 #[derive(Debug, Clone)]
@@ -139,51 +134,37 @@ impl<'c> Job<'c> {
         Job { estimates, warnings, faults, ..Job::of(&self.settings, capture) }
     }
 
-    /// The job with the estimated model, high-pass and impulse response.
-    ///
-    /// # Errors
-    /// A width that makes no impulse response. This does not happen with an estimated width.
-    pub fn settle(mut self) -> Result<Job<'c>> {
-        let (solver, pulse) = self.estimates.settle(&self.solver, &self.models)?;
-        self.solver = solver;
-        if let Some(pulse) = pulse {
-            self.capture.to_mut().pulse = Some(pulse);
-        }
-        Ok(self)
-    }
-
     /// The same job with another solver.
     pub fn with_solver(&self, solver: SolverOptions) -> Job<'_> {
         Job { solver, ..self.with_capture(Cow::Borrowed(&self.capture)) }
     }
 
-    /// What the defaults of a closed form depend on.
-    pub fn traits(&self) -> SceneTraits {
-        let reflectance = self.solver.common().reflectance;
-        SceneTraits { preset: self.preset, reflectance, ..SceneTraits::of(&self.capture) }
-    }
-
-    /// A light-cone transform of at most `most` lateral pixels.
-    pub fn light_cone(&self, most: usize) -> LctOptions {
-        let common = self.solver.common();
-        LctOptions::defaults_for(&self.traits()).with(|o| {
-            o.lateral = common.lateral.min(most);
-            o.image.min_depth = common.min_depth;
-        })
-    }
-
-    /// The maps of a closed-form method, with voxels that are cubes.
+    /// The solver with its options for the estimated model and high-pass, and the estimated impulse response, if there is one.
     ///
     /// # Errors
-    /// As its solve.
-    pub fn closed_form(&self, solver: SolverOptions, gpu: &Gpu) -> Result<Maps> {
-        let pitch = pixel_of(&self.capture, self.settings.volume, solver.common().lateral);
-        let mut job = self.with_solver(solver);
-        (job.settings.depth_pitch, job.settings.keep_volume) = (Some(pitch), None);
-        let job = job.summed()?;
-        let mut hear = |_: &Progress| ControlFlow::Continue(());
-        let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-        Ok(job.solver.solve(gpu, &job.problem()?, &mut watch)?.maps)
+    /// A width that makes no impulse response. This does not happen with an estimated width.
+    pub fn estimated(&self) -> Result<(SolverOptions, Option<Pulse>)> {
+        let Estimates { model, high_pass, pulse, .. } = &self.estimates;
+        let reflectance = model.as_ref().map(|found| found.reflectance);
+        let of_model = self.models.iter().find(|o| Some(o.common().reflectance) == reflectance);
+        let mut solver = of_model.unwrap_or(&self.solver).clone();
+        if let (SolverOptions::Surface(options), Some(found)) = (&mut solver, high_pass) {
+            (options.high_pass, options.high_pass_floor) = (Some(found.length), found.floor);
+        }
+        Ok((solver, pulse.as_ref().map(FoundPulse::pulse).transpose()?.flatten()))
+    }
+
+    /// The job with the estimated model, high-pass and impulse response.
+    ///
+    /// # Errors
+    /// Those of [`Job::estimated`].
+    pub fn settle(mut self) -> Result<Job<'c>> {
+        let (solver, pulse) = self.estimated()?;
+        self.solver = solver;
+        if pulse.is_some() {
+            self.capture.to_mut().pulse = pulse;
+        }
+        Ok(self)
     }
 
     /// The job with the capture in the bins of the solver.
@@ -223,6 +204,11 @@ impl<'c> Job<'c> {
         matches!(&self.solver, SolverOptions::Surface(options) if options.high_pass.is_none())
     }
 
+    /// Whether the solve begins with the surface of short fits: its support may leave that of the start.
+    pub fn finds_start(&self) -> bool {
+        matches!(&self.solver, SolverOptions::Surface(options) if options.grow)
+    }
+
     /// Whether to estimate the impulse response of the capture: it holds none, and only fits of several models can show one.
     pub fn find_pulse(&self) -> FindPulse {
         match (self.find_pulse, &self.capture.pulse) {
@@ -256,18 +242,6 @@ impl<'c> Job<'c> {
             method: Method::of(&self.solver),
             ..self.settings.clone()
         }
-    }
-
-    /// The maps of an iterate as a user gets them from a run that ends with it.
-    pub fn as_result(&self, maps: &Maps) -> Maps {
-        let mut maps = maps.clone();
-        let (fraction, solver) = (self.mask_fraction(), &self.solver);
-        if fraction.is_some() {
-            maps.set_mask(fraction);
-        } else if solver.name() == SolverOptions::DEFAULT {
-            conclude_iterate(&self.capture, solver.common().reflectance, &mut maps);
-        }
-        maps
     }
 
     /// The estimates, and the bins that are summed, as sentences.

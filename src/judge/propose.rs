@@ -1,38 +1,36 @@
 //! Proposals: laws with numbers to begin with, from one surface, before any fit judges them.
 
 use std::borrow::Cow;
+use std::ops::ControlFlow;
 
+use glam::DVec3;
 use rayon::prelude::*;
 
-use super::constants::OF_CHANGE;
-use super::correction::{LAWS, Law, Proposed, named};
-use super::decide::both;
+use super::correction::{LAWS, Law, Proposed, line_of, named};
+use super::decide::{EvidenceGate, both};
+use super::gains;
 use super::job::Job;
-use super::spread::add_products;
-use super::trial::{From, Trial};
-use super::trials::{Proposal, Trials, TriedLaw};
-use super::{gains, motion};
+use super::pulse::add_products;
+use super::trial::{From, OF_CHANGE, Proposal, Trial, Trials, TriedLaw};
 use crate::Result;
 use crate::capture::Capture;
+use crate::closed_form::LctOptions;
+use crate::engine::{Progress, Watch, pixel_of};
 use crate::gpu::Gpu;
+use crate::maps::Maps;
 use crate::options::SceneTraits;
+use crate::settings::DevicePosition;
 use crate::surface::{HeldOut, Left};
 use thirdbounce_base::quantile::peak_between;
 
 /// Constants of the proposals. Evidence: benches/NOTES.md, "Causes" and "Verdict".
 mod bounds {
-    use crate::judge::decide::EvidenceGate;
-
     /// Share that is certainly left beyond noise from which delays of lines and motions, and light-cone transforms of other records and scales are looked at.
     pub const DOUBTFUL: [f64; 2] = [0.08, 0.15];
     /// Steps that are fitted first, those whose signs differ most by renderings: of 16 faulty captures one of them leaves .72 to .94 (the
     /// first of 11, the second of 4, the third of one).
     pub const FIRST: usize = 3;
-    /// What one of these must leave for any to count: the best ones of faulty captures leave .73 to .94, at 3.7 to 11.9 errors; of
-    /// measured captures .97 to 1, at 2 to 2.7.
-    pub const SHOWN: EvidenceGate = EvidenceGate { factor: 0.95, errors: 3.0 };
-    /// What steps then leave, and how many of them fits begin with.
-    pub const STEP: EvidenceGate = EvidenceGate { factor: 0.98, errors: 1.5 };
+    /// First steps of fits over those of continued surfaces.
     pub const LONGER: f64 = 2.4;
     /// Laws that resemble a scale and are minimised: those whose starts leave least, by at most this factor.
     pub const AS_SCALE: (usize, f64) = (2, 0.93);
@@ -51,6 +49,17 @@ mod bounds {
     /// Pixels of the images on a side, and points of the wall at most: four times fewer take a fourth of the seconds.
     pub const PIXELS: usize = 64;
     pub const POINTS: usize = 32;
+    /// Of these parts of the lines, the first and the last one are fitted; lines of a part at least.
+    pub const PARTS: usize = 3;
+    pub const LINES: usize = 4;
+    /// They leave these shares at most of what the ends of the other lines leave, by fits that go on from the surface of all, and by those
+    /// from the start: where all fits of few pairs explain these better, nothing moved. And standard errors by which one of them leaves less.
+    pub const ENDS: [f64; 2] = [0.9, 0.75];
+    pub const ENDS_ERRORS: f64 = 4.0;
+    /// Each end of a scan sees most of what is near it, which seems to be a motion along that: these parts of it are tried.
+    pub const ALONG: [f64; 3] = [0.0, 0.5, 1.0];
+    /// Both parts begin with one start, and keep something of it: the scene moved farther, by this factor.
+    pub const FARTHER: f64 = 1.4;
 }
 
 /// What sums over bins, images and fits of the ends of a scan propose.
@@ -58,23 +67,22 @@ mod bounds {
 /// # Errors
 /// The device fails, or the caller cancels.
 pub fn closed_form(trials: &mut Trials<'_>) -> Result<Vec<Proposal>> {
-    let certain = trials.base.held.left().certain();
+    let certain = trials.base.left().certain();
     let [doubtful, very] = bounds::DOUBTFUL;
     if certain > doubtful
         && let Some(lines) = lines(trials)?
     {
         return Ok(vec![lines]);
     }
-    let (job, gpu) = trials.of();
     let mut all: Vec<Proposal> = vec![];
-    if job.settings.device_at != Some(crate::settings::DevicePosition::None) {
-        all.extend(gains::proposed(&trials.trial, &trials.base, &trials.scan)?);
+    if trials.job.settings.device_at != Some(DevicePosition::None) {
+        all.extend(gains::proposed(trials)?);
     }
     if all.is_empty() && certain > doubtful {
-        all.extend(motion::proposed(trials)?);
+        all.extend(motion(trials)?);
     }
     if certain > very {
-        all.extend(sharper(job, gpu));
+        all.extend(sharper(trials.job, trials.gpu));
     }
     Ok(all)
 }
@@ -84,13 +92,11 @@ fn lines(trials: &Trials<'_>) -> Result<Option<Proposal>> {
     let Some(all) = trials.trial.all(&trials.base.surface.layers)? else { return Ok(None) };
     let left = all.left();
     let excess: f64 = left.pairs.iter().map(|p| p[0]).sum::<f64>() - left.noise;
-    let of = |law: &'static Law| Some((law, correlated(law, &all, trials.scan.scan)?));
-    let each = LAWS
-        .iter()
-        .filter(|law| law.proposed == Proposed::ByLines && (law.applies)(&trials.scan))
-        .filter_map(of);
-    let best =
-        each.max_by(|a, b| a.1.1.total_cmp(&b.1.1)).filter(|(_, (_, gain))| *gain > bounds::WORTH * excess);
+    let laws = LAWS.iter().filter(|law| matches!(law.proposed, Proposed::ByLines(_)));
+    let laws = laws.filter(|law| (law.applies)(&trials.scan));
+    let each = laws.filter_map(|law| Some((law, correlated(law, &all, trials.scan.scan)?)));
+    let best = each.max_by(|(_, a), (_, b)| a.1.total_cmp(&b.1));
+    let best = best.filter(|(_, (_, gain))| *gain > bounds::WORTH * excess);
     Ok(best.map(|(law, (delays, _))| Proposal { law, starts: vec![delays], is_far: false }))
 }
 
@@ -106,14 +112,12 @@ pub fn delays(undone: &Trial<'_>, tried: &TriedLaw, scan: [usize; 2]) -> Result<
 
 /// Of each line, metres of path by which the measured light is later than the rendered one, with their median at 0; and by how much the squares that are left fall.
 fn correlated(law: &Law, held: &HeldOut, scan: [usize; 2]) -> Option<(Vec<f64>, f64)> {
-    let (bins, count) = (held.bins(), law.count(scan));
+    let Proposed::ByLines(axis) = law.proposed else { return None };
+    let (bins, count) = (held.bins(), scan[axis]);
     let farthest = (bins / bounds::FARTHEST[0]).min(bounds::FARTHEST[1]);
-    let line = |pair: usize| {
-        if count == scan[0] && law.name.ends_with("columns") { pair / scan[1] } else { pair % scan[1] }
-    };
     let [rendered, measured] = held.sides();
     let mut rows: Vec<Vec<usize>> = vec![vec![]; count];
-    held.pairs.iter().enumerate().for_each(|(row, pair)| rows[line(*pair)].push(row));
+    held.pairs.iter().enumerate().for_each(|(row, pair)| rows[line_of(scan, axis, *pair)].push(row));
     if rows.iter().any(Vec::is_empty) {
         return None;
     }
@@ -180,7 +184,7 @@ pub fn by_steps(trials: &mut Trials<'_>) -> Result<Vec<Proposal>> {
         .map(|fitted| fitted.map(|fitted| fitted.held));
     let Some(base) = fits.next().flatten() else { return Ok(vec![]) };
     let mut held: Vec<Option<HeldOut>> = fits.collect();
-    let shown = |held: &HeldOut| bounds::SHOWN.passes(&both(held, &base, None));
+    let shown = |held: &HeldOut| EvidenceGate::SHOWN.passes(&both(held, &base, None));
     if !held.iter().flatten().any(shown) {
         return Ok(vec![]);
     }
@@ -191,7 +195,7 @@ pub fn by_steps(trials: &mut Trials<'_>) -> Result<Vec<Proposal>> {
         let Some(held) = held else { continue };
         let left = both(&held, &base, None);
         let [after, before] = left.each_ref().map(Left::excess);
-        if bounds::STEP.passes(&left) {
+        if EvidenceGate::STEP.passes(&left) {
             less.push(((after / before).powf(1.0 / f64::from(steps)), law, numbers));
         }
     }
@@ -246,21 +250,18 @@ fn sharper(job: &Job<'_>, gpu: &Gpu) -> Vec<Proposal> {
     let Some(own) = sharpness(job, gpu, 1.0, 0.0).filter(|own| *own < bounds::SHARP) else { return vec![] };
     let (number, step) = bounds::RECORDS;
     let step = step * SceneTraits::of(&job.capture).wall;
-    let scales =
-        bounds::SCALES.map(|factor| (named("scale"), factor - 1.0, sharpness(job, gpu, factor, 0.0)));
+    // The number of the law, the factor of the points, and by how much the record begins later.
+    let scales = bounds::SCALES.map(|factor| [factor - 1.0, factor, 0.0]);
     let later = (1..=number).flat_map(|at| [1.0, -1.0].map(|side| side * at as f64 * step));
-    let records = later.map(|later| (named("record"), -later, sharpness(job, gpu, 1.0, later)));
-    let all: Vec<_> = scales.into_iter().chain(records).collect();
-    let of_law = |law: &'static Law| {
-        let of = all
-            .iter()
-            .filter(|(of, ..)| of.name == law.name)
-            .filter_map(|(_, n, sharp)| Some((*n, (*sharp)?)));
-        let (number, _) =
-            of.filter(|(_, sharp)| *sharp >= bounds::SHARPER * own).max_by(|a, b| a.1.total_cmp(&b.1))?;
-        Some(Proposal { law, starts: vec![vec![number]], is_far: true })
+    let records: Vec<[f64; 3]> = later.map(|later| [-later, 1.0, later]).collect();
+    let sharpest = |name: &str, all: &[[f64; 3]]| {
+        let each =
+            all.iter().filter_map(|[n, factor, later]| Some((*n, sharpness(job, gpu, *factor, *later)?)));
+        let far = each.filter(|(_, sharp)| *sharp >= bounds::SHARPER * own);
+        let (number, _) = far.max_by(|a, b| a.1.total_cmp(&b.1))?;
+        Some(Proposal { law: named(name), starts: vec![vec![number]], is_far: true })
     };
-    ["scale", "record"].into_iter().filter_map(|name| of_law(named(name))).collect()
+    sharpest("scale", &scales).into_iter().chain(sharpest("record", &records)).collect()
 }
 
 /// How few pixels hold the light of a transform of the capture with points `factor` times as far apart and a record that begins `later`: mean fourth power of the albedo over the square of its mean square. `None` if the transform does not take it.
@@ -269,13 +270,118 @@ fn sharpness(job: &Job<'_>, gpu: &Gpu, factor: f64, later: f64) -> Option<f64> {
         c.t_start += later;
         c.laser.iter_mut().chain(&mut c.sensor).for_each(|point| *point *= factor);
     });
-    // A box that is set is for the capture as it is.
     let mut job = job.with_capture(Cow::Owned(scaled));
-    job.settings.volume = None;
-    let maps = job.closed_form(job.light_cone(bounds::PIXELS).into(), gpu).ok()?;
+    let common = job.solver.common();
+    let of_scene = SceneTraits::of(&job.capture);
+    let traits = SceneTraits { preset: job.preset, reflectance: common.reflectance, ..of_scene };
+    let options = LctOptions::defaults_for(&traits).with(|o| {
+        o.lateral = common.lateral.min(bounds::PIXELS);
+        o.image.min_depth = common.min_depth;
+    });
+    // A box that is set is for the capture as it is; voxels are cubes.
+    let pitch = pixel_of(&job.capture, None, options.lateral);
+    (job.settings.volume, job.settings.depth_pitch, job.settings.keep_volume) = (None, Some(pitch), None);
+    job.solver = options.into();
+    let job = job.summed().ok()?;
+    let quiet = &mut |_: &Progress| ControlFlow::Continue(());
+    let maps = job.solver.solve(gpu, &job.problem().ok()?, &mut Watch::of(quiet)).ok()?.maps;
     let [squares, fourths] = maps.albedo.iter().fold([0.0; 2], |[two, four], a| {
         let square = f64::from(a.max(0.0)).powi(2);
         [two + square, four + square * square]
     });
     (squares > 0.0).then(|| maps.albedo.len() as f64 * fourths / (squares * squares))
+}
+
+/// Starting numbers of a motion of the scene between the ends of a scan. If it moves all the time, points seem to be sheared, or a wall to
+/// lean; if once, fits of the first and of the last third of the lines, each from the start, explain their own pairs far better than one
+/// surface of all does, and lie apart by about how far it moved.
+///
+/// # Errors
+/// The device fails, or the caller cancels.
+fn motion(trials: &mut Trials<'_>) -> Result<Option<Proposal>> {
+    let of_axis = |axis: usize| LAWS.iter().find(|law| law.proposed == Proposed::ByEnds(axis));
+    let [Some(x), Some(y)] = [0, 1].map(of_axis) else { return Ok(None) };
+    if !(x.applies)(&trials.scan) {
+        return Ok(None);
+    }
+    let layers = trials.base.surface.layers.clone();
+    let mut moved = (0, DVec3::ZERO, 0.0);
+    // Short fits rule most captures out.
+    for (from, most) in [From::Fit(&layers, OF_CHANGE), From::Start].into_iter().zip(bounds::ENDS) {
+        let [Some(columns), Some(rows)] = [ends(trials, 0, from)?, ends(trials, 1, from)?] else {
+            return Ok(None);
+        };
+        let (axis, [(share, errors, apart), (other, ..)]) =
+            if rows.0 < columns.0 { (1, [rows, columns]) } else { (0, [columns, rows]) };
+        if share > most * other {
+            return Ok(None);
+        }
+        moved = (axis, apart, errors);
+    }
+    let (axis, apart, errors) = moved;
+    let starts = bounds::ALONG.map(|part| {
+        let mut start = (bounds::FARTHER * apart / trials.scan.half).extend(0.0).to_array();
+        start[axis] *= part;
+        start.to_vec()
+    });
+    let proposal = Proposal { law: [x, y][axis], starts: starts.to_vec(), is_far: true };
+    Ok((errors >= bounds::ENDS_ERRORS).then_some(proposal))
+}
+
+/// Fits of the first and the last lines of a scan: what both leave of what the surface of all leaves of their pairs, the most standard errors
+/// by which one of them leaves less, and how far the last one lies from the first one, metres. `None` where one finds nothing, or there are
+/// too few lines along this axis.
+fn ends(trials: &mut Trials<'_>, axis: usize, from: From<'_>) -> Result<Option<(f64, f64, DVec3)>> {
+    let trial = trials.trial.clone();
+    let capture = trial.capture();
+    let (count, least) = (capture.scan[axis], bounds::LINES * bounds::PARTS);
+    if count < least || capture.pair_count() < least * count {
+        return Ok(None);
+    }
+    let ends = [0, bounds::PARTS - 1].map(|part| {
+        let is_kept = |pair: &usize| line_of(capture.scan, axis, *pair) * bounds::PARTS / count == part;
+        let kept: Vec<usize> = (0..capture.pair_count()).filter(is_kept).collect();
+        let mut scan = capture.scan;
+        scan[axis] = kept.len() / (capture.pair_count() / count);
+        trial.with_capture(capture.keep(&kept, scan))
+    });
+    let (mut sums, mut errors, mut centres) = ([0.0; 2], f64::NEG_INFINITY, vec![]);
+    let (layers, step) = (trials.base.surface.layers.clone(), trials.base.surface.step);
+    let fits = trials.fits(&ends, from, step)?;
+    for (end, own) in ends.iter().zip(fits) {
+        let Some((own, all)) = own.zip(end.ideal(&layers)?) else { return Ok(None) };
+        let (left, before) = (own.left(), all.left());
+        sums = [sums[0] + left.excess(), sums[1] + before.excess()];
+        errors = errors.max(left.errors_below(&before));
+        centres.push(centre(&own.surface.layers));
+    }
+    Ok(Some((sums[0] / sums[1], errors, centres[1] - centres[0])))
+}
+
+/// The centre of surfaces, weighed by their albedos, metres.
+fn centre(layers: &[Maps]) -> DVec3 {
+    let (mut sum, mut weights) = (DVec3::ZERO, f64::MIN_POSITIVE);
+    for maps in layers {
+        for pixel in (0..maps.depth.len()).filter(|pixel| maps.depth[*pixel].is_finite()) {
+            let [x, y] = maps.centre(pixel / maps.ny, pixel % maps.ny);
+            let weight = f64::from(maps.albedo[pixel].max(0.0));
+            sum += weight * DVec3::new(x, y, f64::from(maps.depth[pixel]));
+            weights += weight;
+        }
+    }
+    sum / weights
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_centre_weighs_albedos_and_leaves_out_what_has_no_surface() {
+        let mut maps = Maps::empty([2, 2], [0.0, 2.0, 0.0, 2.0]);
+        maps.depth = vec![1.0, f32::NAN, f32::NAN, 2.0];
+        maps.albedo = vec![1.0, 9.0, 9.0, 3.0];
+        let all = centre(&[maps]);
+        assert!(all.distance(DVec3::new(1.25, 1.25, 1.75)) < 1e-12, "{all}");
+    }
 }

@@ -1,42 +1,14 @@
-//! Estimates the instrument's pulse: a Gaussian's width, then whether its detector has a tail. Convolutions of rendered held-out pairs
+//! The instrument's pulse by its shape: a Gaussian's width, then whether its detector has a tail. Convolutions of rendered held-out pairs
 //! suggest widths; fits of surfaces confirm one by the residual of held-out pairs. Unlike the haze of a volume, a surface can compensate
 //! only a part of a wrong pulse.
+//!
+//! Rendered rows are spread by pulses, and compared with measured ones. Sums of products of the rows, one moved against the other, tell
+//! what every pulse leaves, so no row is spread but for the best one.
 
-use serde::{Deserialize, Serialize};
+use rayon::prelude::*;
 
-use super::samples::ResponseSamples;
 use crate::Result;
-use crate::capture::{METRES_PER_PICOSECOND, Pulse};
-use crate::surface::Left;
-use crate::transport::Reflectance;
-
-/// A hypothesis, and the residual of its fit on the hold-out set.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Tried {
-    pub reflectance: Reflectance,
-    pub pulse: Shape,
-    pub left: Option<Left>,
-}
-
-/// The result of the search.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct FoundPulse {
-    /// Full width at half maximum of its Gaussian, metres of path; 0: no width is better than sharp paths.
-    pub fwhm: f64,
-    /// Length over which its tail falls to 1/e, metres of path; 0: none.
-    #[serde(default)]
-    pub tail: f64,
-    /// Its samples, if no such shape is right.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub samples: Option<ResponseSamples>,
-    /// What was tried: width and tail, metres, and the share of other pairs' squares that was left.
-    pub trials: Vec<[f64; 3]>,
-    /// Seconds that the trials took.
-    pub seconds: f64,
-    /// Why the trials failed, if they did; paths are then taken as sharp.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub failed: Option<String>,
-}
+use crate::capture::{Pulse, PulseTaps, Way};
 
 /// A pulse is taken only if it lowers what is left by more than this share.
 pub(super) const WORTH: f64 = 0.003;
@@ -54,6 +26,15 @@ pub(super) const NARROWEST: f64 = 1.0;
 /// and shares of the tail.
 const TO_AN_OCTAVE: [f64; 2] = [8.0, 24.0];
 const TAILS: [f64; 5] = [0.0, 0.2, 0.4, 0.6, 0.8];
+
+/// Bins by which light may move, each way: a surface that was fitted with a wrong pulse lies before or behind its place.
+pub(super) const MOVES: i64 = 6;
+
+/// Bins by which rows are moved against each other.
+const REACH: usize = 96;
+
+/// Lags whose sums are made side by side, so that none waits for its own.
+const LAGS: usize = 8;
 
 /// Shares of the length in the tails of fits. The share of a suggestion depends on the one that the surface was fitted with.
 pub(super) const SHARES: [f64; 3] = [0.0, 0.4, 0.8];
@@ -134,71 +115,6 @@ impl Shape {
     }
 }
 
-impl FoundPulse {
-    pub(super) fn of(
-        Shape { fwhm, tail }: Shape,
-        reflectance: Reflectance,
-        tried: &[Tried],
-        seconds: f64,
-        failed: Option<String>,
-    ) -> FoundPulse {
-        let of_model = || tried.iter().filter(|t| t.reflectance == reflectance);
-        let of_trial = |t: &Tried| Some([t.pulse.fwhm, t.pulse.tail, t.left.as_ref()?.share()]);
-        let trials = of_model().filter_map(of_trial).collect();
-        FoundPulse { fwhm, tail, samples: None, trials, seconds, failed }
-    }
-
-    /// The same with samples in place of its shape.
-    pub(super) fn with(self, samples: ResponseSamples) -> FoundPulse {
-        let fwhm = samples.pulse().fwhm();
-        FoundPulse { fwhm, tail: 0.0, samples: Some(samples), ..self }
-    }
-
-    /// The pulse; `None` if paths are sharp.
-    ///
-    /// # Errors
-    /// The width makes no pulse. This does not happen with a width that was found.
-    pub fn pulse(&self) -> Result<Option<Pulse>> {
-        match &self.samples {
-            Some(samples) => Ok(Some(samples.pulse())),
-            None => Shape { fwhm: self.fwhm, tail: self.tail }.pulse(),
-        }
-    }
-
-    /// The result as a sentence.
-    pub fn note(&self) -> String {
-        if let Some(why) = &self.failed {
-            return format!(
-                "the instrument's pulse is not known, paths are taken as sharp: {why} (give it if known)"
-            );
-        }
-        let how = format!("of {} shapes tried in {:.1} s,", self.trials.len(), self.seconds);
-        if let Some(samples) = &self.samples {
-            let peak = |[at, height]: &[f64; 2]| format!("{height:.2} at {:.0} mm", 1e3 * at);
-            let peaks: Vec<String> = samples.peaks().iter().map(peak).collect();
-            return format!(
-                "the instrument's pulse: {how} none explains the data as {} samples do, whose peaks over the largest one are {} of path \
-                 (measure the impulse response, and give it as a file)",
-                samples.samples.len(),
-                peaks.join(", ")
-            );
-        }
-        if self.fwhm == 0.0 {
-            return format!("the instrument's pulse: {how} none explains the data better than sharp paths");
-        }
-        let of = |metres: f64| format!("{metres} m ({} ps)", three_digits(metres / METRES_PER_PICOSECOND));
-        let tail = match self.tail {
-            0.0 => String::new(),
-            tail => format!(" and a tail of {}", of(tail)),
-        };
-        format!(
-            "the instrument's pulse: {how} {} full width at half maximum{tail} explains the data best \
-             (give this pulse, or none, to skip the trials)",
-            of(self.fwhm)
-        )
-    }
-}
-
 /// Rounds as the note does, so that a width copied from the note gives the same result.
 pub(super) fn three_digits(value: f64) -> f64 {
     format!("{value:.2e}").parse().unwrap_or(value)
@@ -221,6 +137,97 @@ pub(super) fn best_share(left: [f64; SHARES.len()]) -> f64 {
     }
     let least = (0..left.len()).min_by(|i, j| left[*i].total_cmp(&left[*j]));
     least.map_or(0.0, |at| SHARES[at])
+}
+
+/// Adds to `sums[j]` the sum of products of the values of one row and those of another that are `first + j` bins later.
+pub(crate) fn add_products(earlier: &[f64], later: &[f64], first: usize, sums: &mut [f64]) {
+    for (sums, first) in sums.chunks_mut(LAGS).zip((first..).step_by(LAGS)) {
+        let mut parts = [0.0; LAGS];
+        // All of these lags end within the row.
+        let common = (later.len() + 1).saturating_sub(first + LAGS).min(earlier.len());
+        if common > 0 {
+            for (value, later) in earlier[..common].iter().zip(later[first..].windows(LAGS)) {
+                parts.iter_mut().zip(later).for_each(|(part, later)| *part += value * later);
+            }
+        }
+        for (lag, (sum, mut part)) in (first..).zip(sums.iter_mut().zip(parts)) {
+            let rest = earlier.iter().zip(later.get(lag..).unwrap_or_default()).skip(common);
+            rest.for_each(|(value, later)| part += value * later);
+            *sum += part;
+        }
+    }
+}
+
+/// Of `pulses`, the one that leaves the least squares of rendered and measured rows of `bins` bins: its place, and for each row the squared
+/// differences and the squared values. Light may also move along time and change its strength. `None` if nothing is rendered.
+pub(super) fn best(
+    rows: &[Vec<f64>; 2],
+    bins: usize,
+    pulses: &[PulseTaps],
+) -> Option<(usize, Vec<[f64; 2]>)> {
+    let products = Products::of(rows, bins);
+    let each = pulses.iter().enumerate().filter_map(|(i, taps)| Some((i, products.suit(taps)?)));
+    let (at, (_, moved, factor)) = each.max_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
+    let of_row = |(rendered, measured): (&[f64], &[f64])| {
+        let spread = spread(&pulses[at], moved, factor, rendered);
+        let differences = spread.iter().zip(measured).map(|(s, m)| (s - m).powi(2));
+        [differences.sum(), measured.iter().map(|m| m * m).sum()]
+    };
+    let [rendered, measured] = rows.each_ref().map(|rows| rows.chunks(bins));
+    Some((at, rendered.zip(measured).map(of_row).collect()))
+}
+
+/// A row spread by taps that are moved, times a factor.
+fn spread(PulseTaps { before, weights }: &PulseTaps, moved: i64, factor: f64, row: &[f64]) -> Vec<f64> {
+    let first = moved - *before as i64;
+    let later = vec![0.0; first.max(0) as usize];
+    let moved = PulseTaps { before: (-first).max(0) as usize, weights: [&later[..], &weights[..]].concat() };
+    moved.through(row, Way::Spread).into_iter().map(|v| factor * v).collect()
+}
+
+/// Sums over all rows.
+struct Products {
+    /// Autocorrelation of rendered values by lag in bins, from 0.
+    own: Vec<f64>,
+    /// Cross-correlation of rendered and measured values by lag in bins, from minus [`REACH`].
+    cross: Vec<f64>,
+}
+
+impl Products {
+    fn of([rendered, measured]: &[Vec<f64>; 2], bins: usize) -> Products {
+        // Lags of a part are summed side by side.
+        let of = |earlier: &[f64], later: &[f64], count: usize| -> Vec<f64> {
+            let mut sums = vec![0.0; count];
+            sums.par_chunks_mut(LAGS).enumerate().for_each(|(part, sums)| {
+                for (earlier, later) in earlier.chunks(bins).zip(later.chunks(bins)) {
+                    add_products(earlier, later, part * LAGS, sums);
+                }
+            });
+            sums
+        };
+        let (own, [after, before]) = rayon::join(
+            || of(rendered, rendered, REACH + 1),
+            || [of(rendered, measured, REACH + 1), of(measured, rendered, REACH + 1)],
+        );
+        let cross = before[1..].iter().rev().chain(&after).copied().collect();
+        Products { own, cross }
+    }
+
+    /// The squares that rows spread by these taps explain, with the best move and factor, and these. `None` if nothing is rendered.
+    fn suit(&self, taps: &PulseTaps) -> Option<(f64, i64, f64)> {
+        let weights = || taps.weights.iter().enumerate();
+        let own_at = |by: usize| self.own.get(by).copied().unwrap_or(0.0);
+        let own: f64 =
+            weights().map(|(i, a)| weights().map(|(j, b)| a * b * own_at(i.abs_diff(j))).sum::<f64>()).sum();
+        let cross = |moved: i64| -> f64 {
+            let at = |tap: usize| REACH as i64 + tap as i64 - taps.before as i64 + moved;
+            let of = |tap: usize| usize::try_from(at(tap)).ok().and_then(|at| self.cross.get(at)).copied();
+            weights().map(|(tap, weight)| weight * of(tap).unwrap_or(0.0)).sum()
+        };
+        let moves = (-MOVES..=MOVES).map(|moved| (moved, cross(moved)));
+        let (moved, most) = moves.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|_| own > 0.0)?;
+        Some((most.max(0.0).powi(2) / own, moved, most.max(0.0) / own))
+    }
 }
 
 #[cfg(test)]
@@ -286,5 +293,65 @@ mod tests {
     #[test]
     fn widths_have_three_digits_of_any_size() {
         assert_eq!([0.0321489, 3.21489e-6, 123.456, 0.0].map(three_digits), [0.0321, 3.21e-6, 123.0, 0.0]);
+    }
+
+    /// Two rows with two echoes each.
+    fn sharp() -> Vec<f64> {
+        let mut rows = vec![0.0; 2 * 120];
+        [(30, 1.0), (52, 0.6), (120 + 41, 0.8), (120 + 70, 1.0)].into_iter().for_each(|(at, v)| rows[at] = v);
+        rows
+    }
+
+    #[test]
+    fn the_pulse_that_spread_the_light_leaves_nothing() {
+        let taps = |fwhm: f64, tail: f64| {
+            let gaussian = Pulse::gaussian(fwhm).unwrap();
+            gaussian.with_tail(tail).unwrap().taps(1.0).unwrap()
+        };
+        let pulses = [taps(2.0, 1.0), taps(4.0, 2.0), taps(4.0, 5.0), taps(9.0, 1.0)];
+        let rendered = sharp();
+        for (at, moved) in [(0, 0), (1, -4), (2, 3), (3, 6)] {
+            let of_row = |row| spread(&pulses[at], moved, 2.5, row);
+            let measured: Vec<f64> = rendered.chunks(120).flat_map(of_row).collect();
+            let rows = [rendered.clone(), measured.clone()];
+            let (found, left) = best(&rows, 120, &pulses).unwrap();
+            assert_eq!(found, at);
+            // The tails that leave the rows, and what lies beyond the reach, are little.
+            assert!(left.len() == 2 && left.iter().all(|[d, m]| *d < 1e-6 * m && *m > 0.0), "{left:?}");
+            let (explained, found, factor) = Products::of(&rows, 120).suit(&pulses[at]).unwrap();
+            let all: f64 = measured.iter().map(|m| m * m).sum();
+            assert!(found == moved && (factor / 2.5 - 1.0).abs() < 1e-3);
+            assert!((explained / all - 1.0).abs() < 1e-3);
+        }
+        let dark = vec![0.0; 240];
+        assert!(best(&[dark, rendered], 120, &pulses).is_none());
+    }
+
+    #[test]
+    fn products_of_all_lags_are_sums_by_definition() {
+        let [a, b] = [0.3, 0.7].map(|step| (0..21).map(|i| (f64::from(i) * step).sin()).collect::<Vec<_>>());
+        let mut sums = vec![0.0; 25];
+        add_products(&a, &b, 3, &mut sums);
+        for (j, sum) in sums.into_iter().enumerate() {
+            let wanted: f64 = a.iter().zip(b.iter().skip(3 + j)).map(|(a, b)| a * b).fold(0.0, |s, v| s + v);
+            assert_eq!(sum, wanted, "{j}");
+        }
+    }
+
+    #[test]
+    fn what_is_left_is_what_the_products_say() {
+        let pulses: Vec<PulseTaps> =
+            [2.0, 3.0, 6.0].iter().map(|w| Pulse::gaussian(*w).unwrap().taps(1.0).unwrap()).collect();
+        let rendered = sharp();
+        // No pulse explains this.
+        let measured: Vec<f64> =
+            rendered.iter().enumerate().map(|(i, v)| v + 0.2 * (i as f64).sin().abs()).collect();
+        let rows = [rendered, measured];
+        let (at, left) = best(&rows, 120, &pulses).unwrap();
+        let products = Products::of(&rows, 120);
+        let explained: Vec<f64> = pulses.iter().map(|taps| products.suit(taps).unwrap().0).collect();
+        assert!(explained.iter().all(|e| *e <= explained[at]));
+        let [d, m] = [0, 1].map(|k| left.iter().map(|row| row[k]).sum::<f64>());
+        assert!((d - (m - explained[at])).abs() < 1e-3 * m, "{d} {m} {explained:?}");
     }
 }

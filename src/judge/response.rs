@@ -5,11 +5,12 @@
 //! What no capture can tell: the delay of the whole response, which is time zero, and its strength, which is the albedo. The largest
 //! peak is put at the path, and the samples sum to one.
 
-use super::pulse::Shape;
-use super::samples::ResponseSamples;
+use serde::{Deserialize, Serialize};
+
+use super::pulse::{MOVES, Shape};
 use crate::Result;
-use crate::capture::PulseTaps;
-use crate::surface::{HeldOut, Left, mean_and_error};
+use crate::capture::{Pulse, PulseTaps};
+use crate::surface::{HeldOut, mean_and_error};
 use thirdbounce_base::quantile::peak_between;
 
 /// Samples before and behind the path, bins.
@@ -31,16 +32,47 @@ pub const LEFT: f64 = 0.03;
 /// Fits of a surface and a response by turns at most; they end where one leaves less by a smaller factor.
 pub const ROUNDS: usize = 8;
 pub const LESS: f64 = 0.97;
-/// It is taken if its surface leaves this share of what that of the best shape leaves, by these standard errors.
-const TAKEN: [f64; 2] = [0.7, 4.0];
-/// Bins by which a shape may move, each way.
-const MOVES: i64 = 6;
 /// What linear binning and bins add to the second moment of a response, squared bins ([`Pulse::taps`]).
 const OF_BINS: f64 = 1.0 / 6.0;
 
 /// Least height over that of the largest peak of another one: of a first suggestion, as surfaces explain echoes, and of a response that is
 /// taken. A response of one peak is left to shapes.
 pub const ECHO: [f64; 2] = [0.1, 0.2];
+
+/// A value, or 0 beside the ends.
+fn value(values: &[f64], at: Option<usize>) -> f64 {
+    at.and_then(|at| values.get(at)).copied().unwrap_or(0.0)
+}
+
+/// An impulse response by samples.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ResponseSamples {
+    /// Shares of a path's light; their sum is one.
+    pub samples: Vec<f64>,
+    /// Width of a sample, metres of path.
+    pub width: f64,
+    /// Leading edge of the first sample, metres behind the path.
+    pub start: f64,
+}
+
+impl ResponseSamples {
+    /// The impulse response.
+    pub fn pulse(&self) -> Pulse {
+        Pulse::new(self.samples.clone(), self.width, self.start)
+    }
+
+    /// Peaks of at least a tenth of the largest one: metres behind the path, and height over that of the largest one.
+    pub fn peaks(&self) -> Vec<[f64; 2]> {
+        let most = self.samples.iter().fold(0.0f64, |a, b| a.max(*b));
+        let at = |i: Option<usize>| value(&self.samples, i);
+        let is_peak = |i: &usize| {
+            let own = self.samples[*i];
+            own >= 0.1 * most && own > at(i.checked_sub(1)) && own >= at(Some(i + 1))
+        };
+        let of = |i: usize| [self.start + (i as f64 + 0.5) * self.width, self.samples[i] / most];
+        (0..self.samples.len()).filter(is_peak).map(of).collect()
+    }
+}
 
 /// A response on bins: the share `weights[i]` of a path's light falls `i - REACH[0]` bins behind it.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,7 +81,7 @@ pub struct Response(Vec<f64>);
 impl Response {
     /// The response as samples of this width, with its paths where the surface has them.
     pub fn samples(&self, bin_width: f64) -> ResponseSamples {
-        let at = |i: Option<usize>| i.and_then(|i| self.0.get(i)).copied().unwrap_or(0.0);
+        let at = |i: Option<usize>| value(&self.0, i);
         // Taps take off what bins add: it is added here.
         let blurred = |i: usize| {
             let second = at(i.checked_sub(1)) + at(Some(i + 1)) - 2.0 * self.0[i];
@@ -83,7 +115,7 @@ impl Response {
     /// Bins of the largest peak behind the path.
     fn peak(&self) -> f64 {
         let most = (0..COUNT).max_by(|a, b| self.0[*a].total_cmp(&self.0[*b])).unwrap_or(0);
-        let at = |i: Option<usize>| i.and_then(|i| self.0.get(i)).copied().unwrap_or(0.0);
+        let at = |i: Option<usize>| value(&self.0, i);
         let part = peak_between([at(most.checked_sub(1)), self.0[most], at(Some(most + 1))]);
         most as f64 - REACH[0] as f64 + part
     }
@@ -163,11 +195,6 @@ impl Equations {
 /// The response that a rendering with sharp paths suggests. `None` if nothing is rendered.
 pub fn suggested(ideal: &HeldOut) -> Option<Response> {
     LateRows::of(ideal).suggested()
-}
-
-/// Whether surfaces with a response leave clearly less than those with the best shape: by this factor, and these standard errors.
-pub fn is_taken(left: &Left, by_shape: &Left) -> bool {
-    left.excess() < TAKEN[0] * by_shape.excess() && left.errors_below(by_shape) > TAKEN[1]
 }
 
 /// Whether a response with an echo explains clearly more of pairs that it does not see than the best of these shapes does of those that it
@@ -390,17 +417,5 @@ mod tests {
         assert!(!has_echo(&[(12, 1.0), (17, 0.15)]), "a low one");
         assert!(!has_echo(&[(12, 1.0), (13, 0.7), (14, 0.5), (15, 0.35), (16, 0.25)]), "a tail");
         assert!(!has_echo(&[(12, 1.0), (COUNT - 1, 0.4)]), "behind the reach");
-    }
-
-    #[test]
-    fn a_response_is_taken_only_if_it_leaves_clearly_less() {
-        let left = |mean: f64, scatter: f64| {
-            let of = |i: usize| [mean + if i.is_multiple_of(2) { scatter } else { -scatter }, 100.0];
-            Left { pairs: (0..100).map(of).collect(), noise: 0.0 }
-        };
-        let shaped = left(10.0, 0.0);
-        assert!(is_taken(&left(6.0, 5.0), &shaped));
-        assert!(!is_taken(&left(8.0, 0.1), &shaped), "by less than the factor");
-        assert!(!is_taken(&left(6.0, 11.0), &shaped), "by less than four standard errors");
     }
 }

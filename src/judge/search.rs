@@ -6,32 +6,26 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use glam::{DMat3, DVec3};
+use thirdbounce_base::minimise::simplex;
 
-use super::correction::{Law, LawCorrection, LawScan, Proposed};
-use super::decide::EvidenceGate;
+use super::correction::{Law, LawScan, Proposed};
+use super::decide::{CaptureFinding, EvidenceGate, FindingSource};
 use super::estimates::Estimates;
-use super::finding::{CaptureFinding, FindingSource};
-use super::given::figures_of;
 use super::job::Job;
-use super::trial::From;
-use super::trials::{Proposal, Trials, TriedLaw, minimised};
-use super::{estimate, gains, propose};
+use super::physics::estimate;
+use super::trial::{From, Proposal, Trials, TriedLaw};
+use super::{gains, propose};
 use crate::Result;
-use crate::engine::{Doing, Progress};
+use crate::engine::{Doing, OnProgress, Progress};
 use crate::gpu::Gpu;
-use crate::surface::Left;
 
 /// Constants of the search. Evidence: benches/NOTES.md, "Causes" and "Search".
 mod bounds {
-    use crate::judge::decide::EvidenceGate;
-
     /// Corrections of one capture at most.
     pub const CORRECTIONS: usize = 2;
     /// Share that is certainly left of held-out pairs, with the estimated impulse response, from which anything is tried: proper captures
     /// of simulated light leave less.
     pub const SUSPICIOUS: f64 = 0.03;
-    /// What brief fits must reach for a law to be fitted whole.
-    pub const PROMISING: EvidenceGate = EvidenceGate { factor: 0.93, errors: 2.0 };
     /// Corrections that are refined.
     pub const FINALISTS: usize = 2;
     /// Fits of a law at most, with one number and for each further one.
@@ -57,7 +51,7 @@ impl<'j> Trials<'j> {
     fn minimised(&mut self, proposal: &Proposal) -> Result<Option<TriedLaw>> {
         let law = proposal.law;
         if law.is_closed_form() {
-            return self.stepped(law, &proposal.starts);
+            return self.stepped(law, &proposal.starts[0]);
         }
         let begin = self.begun(proposal)?.filter(|begin| begin.share_left() < 1.0);
         let Some(begin) = begin else { return Ok(None) };
@@ -68,7 +62,7 @@ impl<'j> Trials<'j> {
         self.beginning_with(begin.begun, |trials| {
             let mut cost =
                 |n: &[f64]| Ok(trials.judged(law, n)?.map_or(f64::INFINITY, |tried| tried.share_left()));
-            let (_, numbers) = minimised(&mut cost, least, &steps, fits, bounds::ALIKE)?;
+            let (_, numbers) = simplex(&mut cost, least, &steps, fits, bounds::ALIKE)?;
             trials.judged(law, &numbers)
         })
     }
@@ -76,7 +70,7 @@ impl<'j> Trials<'j> {
     /// What a whole fit leaves without a law that brief fits found.
     fn whole(&mut self, TriedLaw { law, numbers, .. }: &TriedLaw) -> Result<Option<TriedLaw>> {
         match law.is_closed_form() {
-            true => self.stepped(law, std::slice::from_ref(numbers)),
+            true => self.stepped(law, numbers),
             false => self.looked_at(law, numbers),
         }
     }
@@ -94,15 +88,15 @@ impl<'j> Trials<'j> {
             }
             _ => {
                 let fits = bounds::FITS[1] * law.steps.len();
-                Some(minimised(&mut cost, (least, numbers.clone()), &steps, fits, bounds::ALIKE)?.1)
+                Some(simplex(&mut cost, (least, numbers.clone()), &steps, fits, bounds::ALIKE)?.1)
             }
         };
         numbers.map_or(Ok(None), |numbers| self.looked_at(law, &numbers))
     }
 
     /// The same by closed-form steps from what is left once earlier ones are undone.
-    fn stepped(&mut self, law: &'static Law, starts: &[Vec<f64>]) -> Result<Option<TriedLaw>> {
-        let (mut best, mut next): (Option<TriedLaw>, _) = (None, starts.first().cloned());
+    fn stepped(&mut self, law: &'static Law, start: &[f64]) -> Result<Option<TriedLaw>> {
+        let (mut best, mut next): (Option<TriedLaw>, _) = (None, Some(start.to_vec()));
         for _ in 0..bounds::ROUNDS {
             let Some(tried) = next.map_or(Ok(None), |numbers| self.judged(law, &numbers))? else { break };
             if tried.share_left() > bounds::LESS * best.as_ref().map_or(1.0, TriedLaw::share_left) {
@@ -111,7 +105,7 @@ impl<'j> Trials<'j> {
             let undone =
                 self.trial.with_capture(law.undone(self.trial.capture(), &self.scan, &tried.numbers));
             next = match law.proposed {
-                Proposed::ByLines => propose::delays(&undone, &tried, self.scan.scan)?,
+                Proposed::ByLines(_) => propose::delays(&undone, &tried, self.scan.scan)?,
                 _ => gains::next(&undone, &tried, &self.scan)?,
             };
             best = Some(tried);
@@ -143,14 +137,15 @@ fn refined_by(
     estimates: &Estimates,
     found: &TriedLaw,
     gpu: &Gpu,
-    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    hear: &mut OnProgress<'_>,
 ) -> Result<Option<TriedLaw>> {
-    let Some(at_hand) = job.estimates.at_hand.as_ref().filter(|_| !found.law.is_closed_form()) else {
+    let Some((_, starts)) = job.estimates.at_hand.as_ref().filter(|_| !found.law.is_closed_form()) else {
         return Ok(None);
     };
     let of = Job { estimates: estimates.clone(), ..job.with_capture(Cow::Borrowed(&job.capture)) };
-    let trials = Trials::new(&of, at_hand.starts.clone(), From::Start, gpu, hear)?;
-    trials.map_or(Ok(None), |mut trials| trials.refined(found))
+    let trials = Trials::new(&of, starts.clone(), From::Start, gpu, hear)?;
+    let better = trials.map_or(Ok(None), |mut trials| trials.refined(found))?;
+    Ok(better.filter(|better| better.share_left() < found.share_left()))
 }
 
 /// The least cost near a number of this cost: the vertex of the parabola through the costs of five numbers, which scatter. `None` without
@@ -198,11 +193,7 @@ fn parabola(points: &[[f64; 2]]) -> Option<f64> {
 ///
 /// # Errors
 /// The device fails, or `hear` cancels.
-pub fn corrected<'c>(
-    mut job: Job<'c>,
-    gpu: &Gpu,
-    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Job<'c>> {
+pub fn corrected<'c>(mut job: Job<'c>, gpu: &Gpu, hear: &mut OnProgress<'_>) -> Result<Job<'c>> {
     for _ in 0..bounds::CORRECTIONS {
         if job.estimates.at_hand.is_none() {
             break;
@@ -211,32 +202,29 @@ pub fn corrected<'c>(
         let found = searched(&job, gpu, hear)?;
         job.estimates.add_search(clock.elapsed().as_secs_f64());
         let Some(mut found) = found else { break };
-        let frame = LawScan::of(&job.capture).frame;
-        let of = |found: &TriedLaw| LawCorrection { law: found.law, numbers: found.numbers.clone(), frame };
+        let scan = LawScan::of(&job.capture);
         // A bar that does not begin again.
         let hear = &mut |progress: &Progress| match progress.doing {
             Doing::Preview => ControlFlow::Continue(()),
             _ => hear(&Progress { doing: Doing::Search, maps: None, ..progress.clone() }),
         };
-        let again = |found: &TriedLaw| job.again(Cow::Owned(of(found).undone(&job.capture)));
-        let mut undone = estimate::estimate(again(&found), gpu, hear)?;
-        if let Some(better) = refined_by(&job, &undone.estimates, &found, gpu, hear)?
-            .filter(|better| better.share_left() < found.share_left())
-        {
+        let again = |TriedLaw { law, numbers, .. }: &TriedLaw| {
+            job.again(Cow::Owned(law.undone(&job.capture, &scan, numbers)))
+        };
+        let mut undone = estimate(again(&found), gpu, hear)?;
+        if let Some(better) = refined_by(&job, &undone.estimates, &found, gpu, hear)? {
             found = better;
-            undone = estimate::estimate(again(&found), gpu, hear)?;
+            undone = estimate(again(&found), gpu, hear)?;
         }
-        let correction = of(&found);
-        let mut finding =
-            CaptureFinding::new(FindingSource::Searched, correction.what(&job.capture), found.law.hint);
-        let figures = |left: &Left| Some(figures_of(left));
+        let TriedLaw { law, numbers, left: [after, before_it], .. } = &found;
+        let mut finding = CaptureFinding::new(FindingSource::Searched, (law.what)(&scan, numbers), law.hint);
         finding.left =
-            vec![("none".into(), figures(&found.left[1])), (found.law.name.into(), figures(&found.left[0]))];
-        finding.law = Some(found.law.name.into());
+            vec![("none".into(), Some(before_it.figures())), (law.name.into(), Some(after.figures()))];
+        finding.law = Some(law.name.into());
         finding.is_used = found.passes(EvidenceGate::of(FindingSource::Searched));
         let is_used = finding.is_used;
         if is_used {
-            finding.corrections = vec![correction.as_stored()];
+            finding.corrections = vec![law.as_stored(&scan, numbers)];
             job = undone;
         }
         job.estimates.findings.push(finding);
@@ -249,31 +237,26 @@ pub fn corrected<'c>(
 }
 
 /// The correction that leaves least, if it is at least doubtful that the capture is right without it.
-fn searched(
-    job: &Job<'_>,
-    gpu: &Gpu,
-    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Option<TriedLaw>> {
-    let Some(at_hand) = job.estimates.at_hand.as_ref().filter(|_| job.calibrates()) else { return Ok(None) };
-    if at_hand.held.left().certain() <= bounds::SUSPICIOUS || job.estimates.has_samples() {
-        return Ok(None);
-    }
-    let Some(mut trials) = Trials::new(job, at_hand.starts.clone(), From::Brief, gpu, hear)? else {
+fn searched(job: &Job<'_>, gpu: &Gpu, hear: &mut OnProgress<'_>) -> Result<Option<TriedLaw>> {
+    let Some((held, starts)) = job.estimates.at_hand.as_ref().filter(|_| job.calibrates()) else {
         return Ok(None);
     };
-    if trials.base.held.left().certain() <= bounds::SUSPICIOUS || !trials.scan.fills_area() {
+    if held.left().certain() <= bounds::SUSPICIOUS || job.estimates.has_samples() {
+        return Ok(None);
+    }
+    let Some(mut trials) = Trials::new(job, starts.clone(), From::Brief, gpu, hear)? else { return Ok(None) };
+    if trials.base.left().certain() <= bounds::SUSPICIOUS || !trials.scan.fills_area() {
         return Ok(None);
     }
     let mut found: Vec<TriedLaw> = vec![];
     for proposals in [propose::closed_form, propose::by_steps, propose::as_scale] {
         for proposal in proposals(&mut trials)? {
-            found.extend(trials.minimised(&proposal)?.filter(|tried| tried.passes(bounds::PROMISING)));
+            found.extend(trials.minimised(&proposal)?.filter(|tried| tried.passes(EvidenceGate::PROMISING)));
         }
         found.sort_by(TriedLaw::compared);
-        if found
-            .first()
-            .is_some_and(|best| !(best.law.has_rivals)(&best.numbers) && best.passes(EvidenceGate::SEARCHED))
-        {
+        let is_settled =
+            |best: &TriedLaw| !(best.law.has_rivals)(&best.numbers) && best.passes(EvidenceGate::SEARCHED);
+        if found.first().is_some_and(is_settled) {
             break;
         }
     }

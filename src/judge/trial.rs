@@ -1,26 +1,48 @@
-//! Short fits of a surface, judged on pairs that they do not take.
+//! Short fits of a surface, judged on pairs that they do not take: of a capture as it is, and of versions of it without a law.
 
 use std::borrow::Cow;
+use std::cmp::Ordering;
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
-use super::constants::{ITERATIONS, LATERAL, LEAST_PAIRS, PAIRS, ROUNDS};
+use super::correction::{Law, LawScan};
+use super::decide::{EvidenceGate, both};
+use super::job::Job;
 use crate::capture::{Capture, Pulse};
-use crate::engine::{Doing, Problem, Progress, TracePoint, Watch};
+use crate::engine::{Doing, OnProgress, Problem, Progress, TracePoint, Watch};
 use crate::gpu::{DeviceKind, Gpu, check};
 use crate::maps::Maps;
 use crate::methods::SolverOptions;
 use crate::settings::Settings;
-use crate::surface::{Candidate, Fit, Growth, HeldOut, Judge, Quality, Rounds, Run, Starts, SurfaceOptions};
+use crate::surface::{
+    Candidate, Fit, Growth, HeldOut, Judge, Left, Quality, Rounds, Run, Starts, SurfaceOptions,
+};
 use crate::transport::{Grid, Reflectance};
 use crate::{Error, Kind, Result};
 
+/// Minimum hold-out size for model selection, pairs.
+const LEAST_PAIRS: usize = 16;
+/// Pairs that a fit takes at least.
+const PAIRS: usize = 512;
+/// Lateral pixels of a fit.
+const LATERAL: usize = 64;
+/// Rounds of the support of a fit from the start.
+const ROUNDS: usize = 3;
+/// Iterations of a round, and of the fit after the rounds or with another impulse response.
+pub const ITERATIONS: [usize; 2] = [15, 20];
+/// Iterations of a fit that continues a surface with a change of the instrument.
+pub const OF_CHANGE: usize = 20;
+/// A law that leaves this many times as much where it begins is not tried elsewhere: one laser in the middle of a confocal scan 3.7 to 8.6.
+const HOPELESS: f64 = 2.0;
+/// Fits of a search, as its progress expects them.
+const USUAL: usize = 80;
 /// Cells per side of the wall; all of a cell moves by the delay of one pair.
 const CELLS: usize = 16;
 
 /// Options of a short fit with this number of lateral pixels.
-pub(super) fn quick(options: &SolverOptions, pixels: usize) -> SurfaceOptions {
+fn quick(options: &SolverOptions, pixels: usize) -> SurfaceOptions {
     options.as_surface().with(|o| {
         o.lateral = pixels;
         o.iterations = ITERATIONS[1];
@@ -31,23 +53,22 @@ pub(super) fn quick(options: &SolverOptions, pixels: usize) -> SurfaceOptions {
     })
 }
 
-/// The capture in the bins of short fits, their grid, and their options.
+/// The capture of a job in the bins of short fits, their grid, and their options.
 ///
 /// # Errors
 /// Too few pairs, or a box that the capture does not allow.
-pub fn for_fits<'c>(
-    settings: &Settings,
-    lateral: usize,
-    capture: &'c Capture,
+fn for_fits<'j>(
+    job: &'j Job<'_>,
     solver: &SolverOptions,
-) -> Result<(Cow<'c, Capture>, Grid, SurfaceOptions)> {
+) -> Result<(Cow<'j, Capture>, Grid, SurfaceOptions)> {
+    let (capture, settings) = (&*job.capture, &job.settings);
     if capture.pair_count() / 2 < LEAST_PAIRS {
         return Err(Error::input(
             format!("estimates need {} pairs, the capture has {}", 2 * LEAST_PAIRS, capture.pair_count()),
             "name the model and the impulse response if known",
         ));
     }
-    let options = quick(solver, lateral.min(LATERAL));
+    let options = quick(solver, job.solver.common().lateral.min(LATERAL));
     let solver: SolverOptions = options.clone().into();
     let volume = settings.volume.map_or_else(|| solver.default_volume(capture), Ok)?;
     let of_trial = Settings { volume: Some(volume), bins: settings.bins, ..Settings::default() };
@@ -71,10 +92,10 @@ pub(crate) struct Trial<'c> {
 /// The grid of a fit, and what the network or the closed form sees in it.
 #[derive(Clone)]
 pub(crate) struct FitBegin {
-    pub grid: Grid,
+    grid: Grid,
     pub starts: Arc<Starts>,
     /// Delays of pairs that were undone, metres of path; empty: none.
-    pub delays: Vec<f64>,
+    delays: Vec<f64>,
 }
 
 impl FitBegin {
@@ -174,6 +195,13 @@ pub(crate) struct Fitted {
     pub held: HeldOut,
 }
 
+impl Fitted {
+    /// What it leaves of the pairs that are held out.
+    pub fn left(&self) -> &Left {
+        self.surface.left.as_ref().expect("a fit is judged")
+    }
+}
+
 /// A fit under way.
 struct UnderWay {
     fit: Fit,
@@ -238,7 +266,9 @@ pub(crate) fn fit_all(
     watch: &mut Watch<'_>,
 ) -> Result<Vec<Option<Fitted>>> {
     let Some(Trial { gpu, memory, .. }) = trials.first() else { return Ok(vec![]) };
-    let mut fits = trials.iter().map(|trial| trial.planned(pulse, from)).collect::<Result<Vec<_>>>()?;
+    let planned =
+        |trial: &&Trial<'_>| trial.planned(pulse, &trial.options, from.iterations(), Judge::HeldOut);
+    let mut fits = trials.iter().map(planned).collect::<Result<Vec<_>>>()?;
     let buffers: Vec<_> = fits.iter().flat_map(|fit| fit.plan().buffers.clone()).collect();
     let is_together = gpu.info.kind != DeviceKind::Host && check(&buffers, &gpu.memory(), *memory).is_ok();
     let (mut fitted, mut before, all) = (vec![], 0, trials.len() * from.iterations());
@@ -273,15 +303,28 @@ pub(crate) fn fit_all(
 }
 
 impl<'c> Trial<'c> {
-    /// Prepares fits.
-    pub fn new(
+    /// Fits of the job's capture by these models, from what the network or a closed form sees.
+    ///
+    /// # Errors
+    /// Too few pairs, or a box that the capture does not allow; the device fails, or the watch cancels.
+    pub fn of_models(
+        job: &'c Job<'_>,
+        models: &[SolverOptions],
         gpu: &Gpu,
-        capture: Arc<Cow<'c, Capture>>,
-        options: SurfaceOptions,
-        begin: FitBegin,
-        memory: Option<u64>,
-    ) -> Trial<'c> {
-        Trial { gpu: gpu.clone(), capture, options, begin, memory }
+        watch: &mut Watch<'_>,
+    ) -> Result<Vec<Trial<'c>>> {
+        let (whole, grid, options) = for_fits(job, &models[0])?;
+        let problem = Problem { memory: job.settings.memory, ..Problem::new(&whole, grid) };
+        let starts = Arc::new(Starts::of(gpu, [&job.capture, &whole], &problem, &options, watch)?);
+        let capture = Arc::new(whole);
+        let trial = |model: &SolverOptions| Trial {
+            gpu: gpu.clone(),
+            capture: capture.clone(),
+            options: quick(model, options.lateral),
+            begin: FitBegin { grid, starts: starts.clone(), delays: vec![] },
+            memory: job.settings.memory,
+        };
+        Ok(models.iter().map(trial).collect())
     }
 
     /// The model of reflectance.
@@ -295,10 +338,16 @@ impl<'c> Trial<'c> {
     }
 
     /// A fit with this impulse response, planned.
-    fn planned(&self, pulse: Option<&Pulse>, from: From<'_>) -> Result<Fit> {
+    fn planned(
+        &self,
+        pulse: Option<&Pulse>,
+        options: &SurfaceOptions,
+        iterations: usize,
+        judge: Judge,
+    ) -> Result<Fit> {
         let outline = self.capture.outline().with(|c| c.pulse = pulse.cloned());
         let problem = Problem { memory: self.memory, ..Problem::new(&outline, self.begin.grid) };
-        Fit::new(&self.gpu, &problem, &self.options, [0, from.iterations()], Judge::HeldOut)
+        Fit::new(&self.gpu, &problem, options, [0, iterations], judge)
     }
 
     /// A planned fit with the counts, whose steps begin with this length.
@@ -355,9 +404,7 @@ impl<'c> Trial<'c> {
 
     /// A fit with the counts that only judges.
     fn judging(&self, options: &SurfaceOptions, judge: Judge) -> Result<Fit> {
-        let outline = self.capture.outline();
-        let problem = Problem { memory: self.memory, ..Problem::new(&outline, self.begin.grid) };
-        let mut fit = Fit::new(&self.gpu, &problem, options, [0, 1], judge)?;
+        let mut fit = self.planned(self.capture.pulse.as_ref(), options, 1, judge)?;
         fit.take(&self.capture)?;
         Ok(fit)
     }
@@ -365,5 +412,172 @@ impl<'c> Trial<'c> {
     fn rendered(&self, layers: &[Maps], options: &SurfaceOptions, judge: Judge) -> Result<Option<HeldOut>> {
         let mut fit = self.judging(options, judge)?;
         fit.seen(layers, false)?.map_or(Ok(None), |_| fit.judged())
+    }
+}
+
+/// A law with numbers for fits to begin with.
+#[derive(Debug, Clone)]
+pub struct Proposal {
+    pub law: &'static Law,
+    pub starts: Vec<Vec<f64>>,
+    /// Whether it changes the picture by more than fits follow: the network looks at the capture without it first.
+    pub is_far: bool,
+}
+
+/// A law with numbers that a fit judged.
+#[derive(Clone)]
+pub struct TriedLaw {
+    pub law: &'static Law,
+    pub numbers: Vec<f64>,
+    /// Of the pairs that both hold out: what is left once it is undone, and as the capture is.
+    pub left: [Left; 2],
+    pub fitted: Fitted,
+    /// What the fit began with.
+    pub begun: FitBegin,
+    /// Whether that is what the network sees once these numbers are undone.
+    is_seen: bool,
+}
+
+impl TriedLaw {
+    /// What is left once it is undone, over what is left as the capture is, of the same pairs.
+    pub fn share_left(&self) -> f64 {
+        self.left[0].excess() / self.left[1].excess().max(f64::MIN_POSITIVE)
+    }
+
+    fn is_of(&self, law: &Law, numbers: &[f64]) -> bool {
+        self.law.name == law.name && self.numbers == numbers
+    }
+
+    /// By what is left.
+    pub fn compared(&self, other: &TriedLaw) -> Ordering {
+        self.share_left().total_cmp(&other.share_left())
+    }
+
+    pub fn passes(&self, gate: EvidenceGate) -> bool {
+        let law = self.law;
+        let is_far = law.least == 0.0 || self.numbers.iter().any(|n| n.abs() >= law.least);
+        let is_inside = self.numbers.iter().zip(law.steps).all(|(n, [_, far])| n.abs() < 0.98 * far);
+        // A number at its bound is no minimum.
+        is_far
+            && (is_inside || law.steps[0][0] == 0.0)
+            && !(law.is_other)(&self.numbers)
+            && gate.passes(&self.left)
+    }
+}
+
+/// Fits that judge corrections of a capture.
+pub struct Trials<'j> {
+    pub job: &'j Job<'j>,
+    pub trial: Trial<'j>,
+    pulse: Option<Pulse>,
+    pub scan: LawScan,
+    /// The surface of the capture as it is.
+    pub base: Fitted,
+    pub gpu: &'j Gpu,
+    hear: &'j mut OnProgress<'j>,
+    /// What fits begin with: brief ones until laws are fitted whole.
+    pub from: From<'static>,
+    /// All trials so far: a minimiser comes back to the same numbers.
+    pub tried: Vec<TriedLaw>,
+    /// Whether a step of a law that others resemble leaves less.
+    pub is_scaled: bool,
+    /// Fits so far.
+    done: usize,
+}
+
+impl<'j> Trials<'j> {
+    /// Trials by fits that begin so. `None` if no surface is found.
+    pub fn new(
+        job: &'j Job<'j>,
+        starts: Arc<Starts>,
+        from: From<'static>,
+        gpu: &'j Gpu,
+        hear: &'j mut OnProgress<'j>,
+    ) -> Result<Option<Trials<'j>>> {
+        let (solver, pulse) = job.estimated()?;
+        let pulse = pulse.or(job.capture.pulse.clone());
+        let (mut whole, grid, options) = for_fits(job, &solver)?;
+        if pulse.is_some() {
+            whole.to_mut().pulse.clone_from(&pulse);
+        }
+        let scan = LawScan::of(&whole);
+        let begin = FitBegin { grid, starts, delays: vec![] };
+        let capture = Arc::new(whole);
+        let trial = Trial { gpu: gpu.clone(), capture, options, begin, memory: job.settings.memory };
+        let quiet = &mut |_: &Progress| ControlFlow::Continue(());
+        let base = fit_all(&[&trial], pulse.as_ref(), from, 1.0, &mut Watch::of(quiet))?.pop().flatten();
+        let (tried, is_scaled, done) = (vec![], false, 0);
+        Ok(base.map(|base| Trials { job, trial, pulse, scan, base, gpu, hear, from, tried, is_scaled, done }))
+    }
+
+    /// Fits of other versions of the capture.
+    pub fn fits(&mut self, trials: &[Trial<'_>], from: From<'_>, step: f64) -> Result<Vec<Option<Fitted>>> {
+        let Trials { hear, done, .. } = self;
+        let iteration = *done;
+        *done += trials.len();
+        let mut reported = |progress: &Progress| {
+            let (point, iterations) = (TracePoint { iteration, ..progress.point }, USUAL.max(iteration));
+            hear(&Progress { doing: Doing::Search, point, iterations, remaining: None, maps: None })
+        };
+        let trials: Vec<&Trial<'_>> = trials.iter().collect();
+        fit_all(&trials, self.pulse.as_ref(), from, step, &mut Watch::of(&mut reported))
+    }
+
+    /// What a fit leaves once these numbers of a law are undone, which begins with the surface at hand, moved by its delays; `None` without a
+    /// surface.
+    pub fn judged(&mut self, law: &'static Law, numbers: &[f64]) -> Result<Option<TriedLaw>> {
+        if let Some(same) = self.tried.iter().find(|of| of.is_of(law, numbers)) {
+            return Ok(Some(same.clone()));
+        }
+        let mut undone = self.trial.with_capture(law.undone(self.trial.capture(), &self.scan, numbers));
+        let delays = law.delays(&self.scan, numbers);
+        undone.begin = self.trial.begin.moved(&delays, |pair| self.scan.place_of(pair));
+        let Some(fitted) = self.fits(&[undone], self.from, 1.0)?.pop().flatten() else { return Ok(None) };
+        let gains = law.gains(&self.scan, numbers);
+        let left = both(&fitted.held, &self.base.held, gains.as_deref());
+        let begun = self.trial.begin.clone();
+        let tried = TriedLaw { law, numbers: numbers.to_vec(), left, fitted, begun, is_seen: false };
+        self.tried.push(tried.clone());
+        Ok(Some(tried))
+    }
+
+    /// The start of a proposal that leaves least.
+    pub fn begun(&mut self, Proposal { law, starts, is_far }: &Proposal) -> Result<Option<TriedLaw>> {
+        let mut best: Option<TriedLaw> = None;
+        for start in starts {
+            let tried = if *is_far { self.looked_at(law, start)? } else { self.judged(law, start)? };
+            best = best.into_iter().chain(tried).min_by(TriedLaw::compared);
+            // Looks take most of the time of a fit.
+            if *is_far && best.as_ref().is_none_or(|best| best.share_left() > HOPELESS) {
+                break;
+            }
+        }
+        Ok(best)
+    }
+
+    /// The same as [`Self::judged`] by a fit that begins with what the network sees once these numbers are undone.
+    pub fn looked_at(&mut self, law: &'static Law, numbers: &[f64]) -> Result<Option<TriedLaw>> {
+        if let Some(same) = self.tried.iter().find(|of| of.is_seen && of.is_of(law, numbers)) {
+            return Ok(Some(same.clone()));
+        }
+        let undone = self.job.with_capture(Cow::Owned(law.undone(&self.job.capture, &self.scan, numbers)));
+        let delays = law.delays(&self.scan, numbers);
+        let model = std::slice::from_ref(&undone.solver);
+        let seen = Trial::of_models(&undone, model, self.gpu, &mut Watch::of(self.hear))?.swap_remove(0);
+        let begin = FitBegin { delays, ..seen.begin };
+        self.tried.retain(|of| !of.is_of(law, numbers));
+        let seen = self.beginning_with(begin, |trials| trials.judged(law, numbers))?;
+        if let Some(last) = self.tried.last_mut().filter(|_| seen.is_some()) {
+            last.is_seen = true;
+        }
+        Ok(seen)
+    }
+
+    /// What this does with fits that begin so.
+    pub fn beginning_with<T>(&mut self, begin: FitBegin, does: impl FnOnce(&mut Self) -> T) -> T {
+        let own = std::mem::replace(&mut self.trial.begin, begin);
+        let done = does(self);
+        self.trial.begin = own;
+        done
     }
 }

@@ -196,6 +196,11 @@ impl Left {
         self.beyond_noise().sum::<f64>().max(0.0)
     }
 
+    /// The share that is left beyond noise, and its standard error.
+    pub fn figures(&self) -> [f64; 2] {
+        [self.excess(), self.standard_error()]
+    }
+
     /// The share that is left beyond noise and beyond chance: less two standard errors.
     pub fn certain(&self) -> f64 {
         self.excess() - 2.0 * self.standard_error()

@@ -278,7 +278,7 @@ fn of_method(
         let point = TracePoint { iteration: 0, ..progress.point };
         (watch.hear)(&Progress { doing: progress.doing, point, iterations, remaining: None, maps: None })
     };
-    let mut asking = Watch { hear: &mut ask, maps_every: None, maps_at: &[] };
+    let mut asking = Watch::of(&mut ask);
     let solved = method.solve(capture, &mut asking)?;
     let mut first = solved.maps;
     let least = SUPPORT * first.mask_fraction.unwrap_or(Maps::MASK_FRACTION);

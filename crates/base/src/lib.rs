@@ -1,4 +1,4 @@
-//! Foundation of all crates of thirdbounce: the [`Error`] type with its [`advice`], memory of the [`host`], linear equations.
+//! Foundation of all crates of thirdbounce: the [`Error`] type with its [`advice`], memory of the [`host`], linear equations, minimisation.
 //!
 //! Feature `formats` adds [`files`] (atomic writes).
 
@@ -12,6 +12,8 @@ pub mod error;
 #[cfg(feature = "formats")]
 pub mod files;
 pub mod host;
+#[doc(hidden)]
+pub mod minimise;
 #[doc(hidden)]
 pub mod quantile;
 

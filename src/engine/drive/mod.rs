@@ -23,7 +23,7 @@ use ahead::Ahead;
 use clock::Clock;
 pub(crate) use iterate::Iterate;
 use reader::Reader;
-pub use watch::{Doing, Progress, TracePoint, Watch};
+pub use watch::{Doing, OnProgress, Progress, TracePoint, Watch};
 pub(crate) use whole::{read_whole, submit_whole};
 
 /// The result of driving a solver.

@@ -33,6 +33,9 @@ pub enum Doing {
     Solve,
 }
 
+/// A callback with the progress; `Break` cancels.
+pub type OnProgress<'h> = dyn FnMut(&Progress) -> ControlFlow<()> + 'h;
+
 /// What a caller wants to hear.
 pub struct Watch<'w> {
     /// Called with every point of the trace; may cancel the solve.
@@ -42,6 +45,13 @@ pub struct Watch<'w> {
     pub maps_every: Option<usize>,
     /// Extract the maps after these iterations, too.
     pub maps_at: &'w [usize],
+}
+
+impl<'w> Watch<'w> {
+    /// Progress without maps.
+    pub fn of(hear: &'w mut OnProgress<'w>) -> Watch<'w> {
+        Watch { hear, maps_every: None, maps_at: &[] }
+    }
 }
 
 /// A point of the trace: the state after an iteration.
