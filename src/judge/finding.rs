@@ -111,6 +111,8 @@ impl CaptureFinding {
                 "perhaps {what} ({}, too little a difference to undo it): {hint}",
                 self.shares()
             )),
+            // What is subtracted in vain says that the counts, or those of the room, are of something else.
+            (FindingSource::Empty, false) => self.note(),
             (FindingSource::Set | FindingSource::File, false) => Some(format!(
                 "held-out pairs contradict it, so it is not used: {what} ({}): {hint}",
                 self.shares()
@@ -146,6 +148,8 @@ mod tests {
         };
         assert!(given.doubt().unwrap().contains("contradict"));
         assert!(given.note().unwrap().starts_with("not used") && given.note().unwrap().ends_with("record"));
+        let room = CaptureFinding { source: FindingSource::Empty, ..given.clone() };
+        assert!(room.doubt().unwrap().starts_with("not used"));
         assert_eq!(CaptureFinding { is_used: true, ..given }.doubt(), None);
         let text = serde_json::to_string(&found).unwrap();
         assert_eq!(serde_json::from_str::<CaptureFinding>(&text).unwrap(), found);

@@ -133,6 +133,7 @@ mod tests {
             (found(FindingSource::Searched, true), "undone here"),
             (found(FindingSource::Searched, false), "perhaps feet"),
             (found(FindingSource::File, false), "contradict"),
+            (found(FindingSource::Empty, false), "not used"),
         ] {
             let graded = of(Some(finding), 0.8);
             assert!(graded.grade == Grade::Fair && graded.reasons[0].contains(words), "{graded}");
@@ -140,7 +141,7 @@ mod tests {
         for finding in [
             found(FindingSource::Set, true),
             found(FindingSource::Named, false),
-            found(FindingSource::Empty, false),
+            found(FindingSource::Empty, true),
         ] {
             assert_eq!(of(Some(finding), 0.8).reasons.len(), without);
         }
