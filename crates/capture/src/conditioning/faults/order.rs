@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 
 use super::roots::{LEAST, RootRows};
-use super::triggers;
+use super::triggers::{self, InOrder};
 use crate::data::Capture;
 
 /// Minimum gain of an order over its standard error, and over the squared differences at the places that it changes. Largest of 25 proper
@@ -84,7 +84,7 @@ impl Capture {
         let is_along =
             |pair: &usize| (points[*pair] - points[*pair - 1]).normalize_or_zero().dot(step) > 0.99;
         let line = 1 + (1..points.len()).take_while(is_along).count();
-        if (1..points.len()).all(|pair| is_along(&pair) == !pair.is_multiple_of(line)) { line } else { 0 }
+        if (1..points.len()).all(|pair| is_along(&pair) != pair.is_multiple_of(line)) { line } else { 0 }
     }
 
     fn reorder(&mut self, order: &[usize]) {
@@ -192,7 +192,7 @@ impl Capture {
     /// Moves histograms behind lost or additional triggers to their points. `stream`: the pairs in the order of the scanner, in lines of
     /// `line` points. Points without a histogram get the mean of their neighbours.
     fn move_triggers(&mut self, rows: &RootRows, stream: &[usize], line: usize) -> Option<String> {
-        let (from, [lost, found]) = triggers::in_order(rows, stream, line)?;
+        let InOrder { from, points: [lost, found] } = triggers::in_order(rows, stream, line)?;
         let mut moved: Vec<Option<Vec<f32>>> =
             from.iter().map(|pair| pair.map(|pair| self.histogram(pair).to_vec())).collect();
         while let Some(at) = moved.iter().position(Option::is_none) {

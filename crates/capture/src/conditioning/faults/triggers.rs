@@ -67,14 +67,14 @@ impl Bends {
             all(&|at| bend(at, above(at, 0), Some(at + line - 1))),
             all(&|at| bend(at, above(at, 0), Some(at + line + 1))),
         ];
-        let inner = |at: &usize| at % line > 0 && at % line + 1 < line;
+        let inner = |at: &usize| !at.is_multiple_of(line) && at % line + 1 < line;
         let known = (0..count).filter(inner).map(|at| along[at]).chain(across.iter().copied());
         let [n, sum, squares] = known
             .filter(|bend| bend.is_finite())
             .fold([0.0; 3], |[n, sum, squares], bend| [n + 1.0, sum + bend, squares + bend * bend]);
         let mean = sum / n;
         let deviation = (squares / n - mean * mean).max(0.0).sqrt();
-        if !(deviation > 0.0) {
+        if deviation.is_nan() || deviation <= 0.0 {
             return None;
         }
         // A bend that is not known is as large as the others.
@@ -217,13 +217,17 @@ impl Bends {
     }
 }
 
-/// The histograms of a stream in the order of their points, `None` where a point has none, and the points of lost and of additional triggers.
-/// `None` if the order is right, or wrong in another way. `stream`: pairs in the order of the scanner, in lines of `line` points.
-pub(super) fn in_order(
-    rows: &RootRows,
-    stream: &[usize],
-    line: usize,
-) -> Option<(Vec<Option<usize>>, [Vec<usize>; 2])> {
+/// A stream put in order.
+pub(super) struct InOrder {
+    /// The pair whose histogram belongs to each point, `None` where a point has none.
+    pub from: Vec<Option<usize>>,
+    /// The points of lost and of additional triggers.
+    pub points: [Vec<usize>; 2],
+}
+
+/// The order of the histograms of a stream; `None` if it is right, or wrong in another way. `stream`: pairs in the order of the scanner, in
+/// lines of `line` points.
+pub(super) fn in_order(rows: &RootRows, stream: &[usize], line: usize) -> Option<InOrder> {
     if line < LEAST || stream.len() < LEAST * line {
         return None;
     }
@@ -250,5 +254,5 @@ pub(super) fn in_order(
             points[usize::from(!is_lost)].push(at);
         }
     }
-    points.iter().any(|of| !of.is_empty()).then_some((from, points))
+    points.iter().any(|of| !of.is_empty()).then_some(InOrder { from, points })
 }
