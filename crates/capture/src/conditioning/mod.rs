@@ -303,7 +303,7 @@ fn gated(state: &mut Conditioned, how: &Conditioning) -> Result<()> {
 
 fn faults_found(state: &mut Conditioned, _: &Conditioning) -> Result<()> {
     let room = state.capture.empty.is_some().then(|| state.capture.emptied());
-    let faults::Found { notes, faults, dropped, has_moved } =
+    let faults::Found { notes, faults, warnings, dropped, has_moved } =
         faults::undo(&mut state.capture, &mut state.mean)?;
     // One instrument makes the same fault in both.
     if let Some(mut room) = room.filter(|_| has_moved) {
@@ -318,7 +318,7 @@ fn faults_found(state: &mut Conditioned, _: &Conditioning) -> Result<()> {
         state.capture.empty = Some(room.histograms);
     }
     state.notes.extend(notes);
-    state.warnings.extend(faults.iter().cloned());
+    state.warnings.extend(warnings.into_iter().chain(faults.iter().cloned()));
     state.faults.extend(faults);
     state.dropped += dropped;
     Ok(())

@@ -1,6 +1,7 @@
 //! `thirdbounce reconstruct CAPTURE --out DIR`.
 
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 use thirdbounce::gpu::DeviceKind;
 use thirdbounce::job::{Loaded, Request};
@@ -95,11 +96,14 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
         || std::iter::once(args.capture.capture.as_path()).chain(args.truth.as_deref()).chain(beside.files());
     job::check_inputs(inputs(), &args.out)?;
     // A Vulkan loader takes as long as a file of counts.
+    let clock = Instant::now();
     let (loaded, gpu) = std::thread::scope(|scope| {
         let gpu = scope.spawn(|| early.open());
         (args.load(&args.capture.capture), gpu.join())
     });
-    let (loaded, request) = loaded?;
+    let (mut loaded, request) = loaded?;
+    // The later one of both is waited for.
+    loaded.seconds = clock.elapsed().as_secs_f64();
     if !args.quiet {
         loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }

@@ -45,6 +45,22 @@ fn small() -> &'static Small {
     })
 }
 
+/// What a user waits for is in the stages of the report: the device's opening, too.
+#[test]
+fn stages_and_the_clock_agree() {
+    let small = small();
+    let out = small.path("stages");
+    let clock = std::time::Instant::now();
+    succeed(&["reconstruct", &small.path("z.npz"), "--lateral", "64", "--out", &out]);
+    let waited = clock.elapsed().as_secs_f64();
+    let report: Value =
+        serde_json::from_str(&std::fs::read_to_string(format!("{out}/report.json")).unwrap()).unwrap();
+    let stages = report["totals"]["stages"].as_array().unwrap();
+    let sum: f64 = stages.iter().map(|stage| stage["seconds"].as_f64().unwrap()).sum();
+    // The start and the end of a process take a few hundredths of a second.
+    assert!(sum < waited && waited - sum < 0.05 * waited + 0.05, "{sum} of {waited} s: {stages:?}");
+}
+
 /// Options that make a run short.
 const SHORT: [&str; 10] = [
     "--solver",

@@ -4,12 +4,15 @@
 mod counters;
 mod ends;
 mod enlarged;
+mod extra_lines;
 mod lines;
 mod multiples;
 mod order;
 mod repeated;
 mod reversed;
+mod roots;
 mod single_bins;
+mod triggers;
 
 use super::mean::MeanOnce;
 use crate::data::{Capture, PairKind};
@@ -26,6 +29,8 @@ pub(super) struct Found {
     pub notes: Vec<String>,
     /// What could not be undone.
     pub faults: Vec<String>,
+    /// What was undone as far as can be known.
+    pub warnings: Vec<String>,
     /// Pairs that were left out.
     pub dropped: usize,
     /// Whether counts changed or moved to other bins or pairs, but for single bins.
@@ -74,6 +79,11 @@ pub(super) fn undo(capture: &mut Capture, mean: &mut MeanOnce) -> Result<Found> 
     let is_scan =
         matches!(capture.pair_kind(), PairKind::Confocal | PairKind::OneLaser | PairKind::OneSensor);
     if is_scan {
+        while let Some((kept, warning)) = capture.without_extra_lines() {
+            found.dropped += capture.pair_count() - kept.pairs.len();
+            found.warnings.push(warning);
+            *capture = capture.keep(&kept.pairs, kept.scan);
+        }
         let mut moved: Vec<String> = capture.turn_lines().into_iter().collect();
         moved.extend(capture.undo_order());
         moved.extend(capture.undo_reversal());
