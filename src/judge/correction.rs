@@ -106,6 +106,11 @@ pub enum Proposed {
     ByEnds(usize),
 }
 
+/// A number of a pair by a law's numbers.
+type OfPair = fn(&LawScan, &[f64], usize) -> f64;
+/// A place by a law's numbers, and whether it is one of the laser.
+type OfPoint = fn(&[f64], DVec2, bool) -> DVec2;
+
 /// A law.
 pub struct Law {
     /// A short name, as in the report.
@@ -124,11 +129,11 @@ pub struct Law {
     /// Least size of a number that fits tell from 0, where points are moved.
     pub least: f64,
     /// Factor of the counts of a pair.
-    gain: Option<fn(&LawScan, &[f64], usize) -> f64>,
+    gain: Option<OfPair>,
     /// Metres of path by which counts of a pair are late.
-    delay: Option<fn(&LawScan, &[f64], usize) -> f64>,
+    delay: Option<OfPair>,
     /// Where a point of the wall lies truly, in halves of the wall from its middle, and whether it is one of the laser.
-    pub of_point: Option<fn(&[f64], DVec2, bool) -> DVec2>,
+    pub of_point: Option<OfPoint>,
     /// Whether these numbers are those of another law.
     pub is_other: fn(&[f64]) -> bool,
     /// Whether other laws resemble it with these numbers, which are then tried, too.

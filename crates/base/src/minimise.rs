@@ -50,9 +50,8 @@ pub fn simplex<E>(
             corners[last] = next;
             continue;
         }
-        for at in 1..=last {
-            let halved = corners[at].1.iter().zip(&best.1).map(|(n, b)| 0.5 * (n + b)).collect();
-            corners[at] = corner(halved)?;
+        for other in &mut corners[1..] {
+            *other = corner(other.1.iter().zip(&best.1).map(|(n, b)| 0.5 * (n + b)).collect())?;
         }
     }
     Ok(corners.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or(start))
