@@ -85,7 +85,7 @@ pub fn both_in_counts(after: &HeldOut, before: &HeldOut) -> Option<[Left; 2]> {
     })
 }
 
-/// Where a correction comes from, which decides how much held-out pairs must say for it ([`EvidenceGate`]).
+/// Where a correction comes from, which decides how much held-out pairs must say for it (the table of gates).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum FindingSource {
