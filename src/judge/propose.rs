@@ -11,7 +11,7 @@ use super::decide::{EvidenceGate, both};
 use super::gains;
 use super::job::Job;
 use super::pulse::add_products;
-use super::trial::{From, OF_CHANGE, Proposal, Trial, Trials, TriedLaw};
+use super::trial::{From, OF_CHANGE, PAIRS, Proposal, Trial, Trials, TriedLaw};
 use crate::Result;
 use crate::capture::Capture;
 use crate::closed_form::LctOptions;
@@ -176,7 +176,10 @@ pub fn by_steps(trials: &mut Trials<'_>) -> Result<Vec<Proposal>> {
     tried.sort_by(|a, b| b.0.total_cmp(&a.0));
     let (changes, versions): (Vec<_>, Vec<_>) =
         tried.into_iter().map(|(_, change, version)| (change, version)).unzip();
-    let (first, others) = versions.split_at(bounds::FIRST.min(versions.len()));
+    // Renderings of fewer pairs than fits can take do not tell which.
+    let is_few = trial.capture().pair_count() < 2 * PAIRS;
+    let (first, others) =
+        versions.split_at(if is_few { versions.len() } else { bounds::FIRST.min(versions.len()) });
     let from = From::Fit(&layers, OF_CHANGE);
     let mut fits = trials
         .fits(&[&[trial], first].concat(), from, step)?

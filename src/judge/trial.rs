@@ -25,7 +25,7 @@ use crate::{Error, Kind, Result};
 /// Minimum hold-out size for model selection, pairs.
 const LEAST_PAIRS: usize = 16;
 /// Pairs that a fit takes at least.
-const PAIRS: usize = 512;
+pub const PAIRS: usize = 512;
 /// Lateral pixels of a fit.
 const LATERAL: usize = 64;
 /// Rounds of the support of a fit from the start.

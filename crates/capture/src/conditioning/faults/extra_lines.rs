@@ -87,7 +87,8 @@ impl Capture {
     }
 }
 
-/// Structure of the histogram of a line beyond noise, in its standard deviations; `None` without counts.
+/// Structure of the histogram of a line beyond noise, in its standard deviations; `None` without a photon for each of its bins: few do not
+/// tell a dark line from a dim one.
 fn structure(capture: &Capture, lines: &Lines, line: usize) -> Option<f64> {
     let width = capture.bins.div_ceil(COMPARED_BINS);
     let mut sums = vec![0.0; capture.bins / width];
@@ -99,7 +100,7 @@ fn structure(capture: &Capture, lines: &Lines, line: usize) -> Option<f64> {
     }
     let (count, mean) = (sums.len() as f64, sums.iter().sum::<f64>() / sums.len() as f64);
     let squares: f64 = sums.iter().map(|sum| (sum - mean).powi(2)).sum();
-    (mean > 0.0).then(|| (squares / mean - count) / (2.0 * count).sqrt())
+    (mean >= 1.0).then(|| (squares / mean - count) / (2.0 * count).sqrt())
 }
 
 /// How many lines at this end are dark.
@@ -120,6 +121,10 @@ fn back(capture: &Capture, rows: &RootRows, lines: &Lines) -> Option<usize> {
         .collect();
     let middle = median(beside.iter().copied())?;
     let deviation = TO_DEVIATION * median(beside.iter().map(|difference| (difference - middle).abs()))?;
+    // Where most histograms are alike, as of few photons, nothing is known of noise.
+    if deviation <= 0.0 {
+        return None;
+    }
     let gain = |count: usize, turned: usize, is_reversed: bool| {
         // From the line at which the scanner turned: those of the picture, and behind it.
         let behind = |line: usize, point: usize| lines.pair(count - 1 - line, point);
