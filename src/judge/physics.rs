@@ -350,9 +350,8 @@ impl<'t> Physics<'t> {
         let (before, from) = (self.tried.len(), From::Layers(&layers));
         self.pace.expect(from.iterations());
         self.fit_sharp(&one, from, Origin::Union)?;
-        let against = |fitted: &Fitted| [fitted.left().clone(), left.clone()];
-        if !least_left(&self.tried[before..]).is_some_and(|(_, of)| EvidenceGate::UNION.passes(&against(of)))
-        {
+        let best = least_left(&self.tried[before..]).map(|(_, fitted)| [fitted.left().clone(), left.clone()]);
+        if !best.is_some_and(|left| EvidenceGate::UNION.passes(&left)) {
             self.tried.truncate(before);
             return Ok(());
         }

@@ -11,7 +11,7 @@ use super::decide::{EvidenceGate, both};
 use super::gains;
 use super::job::Job;
 use super::pulse::add_products;
-use super::trial::{From, OF_CHANGE, PAIRS, Proposal, Trial, Trials, TriedLaw};
+use super::trial::{Fitted, From, OF_CHANGE, PAIRS, Proposal, Trial, Trials, TriedLaw};
 use crate::Result;
 use crate::capture::Capture;
 use crate::closed_form::LctOptions;
@@ -181,26 +181,20 @@ pub fn by_steps(trials: &mut Trials<'_>) -> Result<Vec<Proposal>> {
     let (first, others) =
         versions.split_at(if is_few { versions.len() } else { bounds::FIRST.min(versions.len()) });
     let from = From::Fit(&layers, OF_CHANGE);
-    let mut fits = trials
-        .fits(&[&[trial], first].concat(), from, step)?
-        .into_iter()
-        .map(|fitted| fitted.map(|fitted| fitted.held));
+    let mut fits = trials.fits(&[&[trial], first].concat(), from, step)?.into_iter();
     let Some(base) = fits.next().flatten() else { return Ok(vec![]) };
-    let mut held: Vec<Option<HeldOut>> = fits.collect();
-    let shown = |held: &HeldOut| EvidenceGate::SHOWN.passes(&both(held, &base, None));
-    if !held.iter().flatten().any(shown) {
+    let against_base = |fitted: Option<Fitted>| fitted.map(|fitted| both(&fitted.held, &base.held, None));
+    let mut left: Vec<Option<[Left; 2]>> = fits.map(against_base).collect();
+    if !left.iter().flatten().any(|left| EvidenceGate::SHOWN.passes(left)) {
         return Ok(vec![]);
     }
-    held.extend(trials.fits(others, from, step)?.into_iter().map(|fitted| fitted.map(|fitted| fitted.held)));
+    left.extend(trials.fits(others, from, step)?.into_iter().map(against_base));
     // What is left over what is left without the change, as by a step that is as long as one of the scale.
     let mut less: Vec<(f64, &'static Law, Vec<f64>)> = vec![];
-    for ((law, steps, numbers), held) in changes.into_iter().zip(held) {
-        let Some(held) = held else { continue };
-        let left = both(&held, &base, None);
+    for ((law, steps, numbers), left) in changes.into_iter().zip(left) {
+        let Some(left) = left.filter(|left| EvidenceGate::STEP.passes(left)) else { continue };
         let [after, before] = left.each_ref().map(Left::excess);
-        if EvidenceGate::STEP.passes(&left) {
-            less.push(((after / before).powf(1.0 / f64::from(steps)), law, numbers));
-        }
+        less.push(((after / before).powf(1.0 / f64::from(steps)), law, numbers));
     }
     less.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut all: Vec<Proposal> = vec![];

@@ -24,7 +24,6 @@ struct Lines {
     from_last: bool,
     count: usize,
     points: usize,
-    ny: usize,
 }
 
 impl Lines {
@@ -34,13 +33,13 @@ impl Lines {
         let all = [[true, true], [true, false], [false, true], [false, false]];
         all.into_iter().map(move |[along_y, from_last]| {
             let (count, points) = if along_y { (nx, ny) } else { (ny, nx) };
-            Lines { along_y, from_last, count, points, ny }
+            Lines { along_y, from_last, count, points }
         })
     }
 
     fn pair(&self, line: usize, point: usize) -> usize {
         let line = if self.from_last { self.count - 1 - line } else { line };
-        if self.along_y { line * self.ny + point } else { point * self.ny + line }
+        if self.along_y { line * self.points + point } else { point * self.count + line }
     }
 
     /// The lines behind the first `left_out`.
