@@ -166,7 +166,7 @@ impl Capture {
             sensor: pick(&self.sensor),
             laser_normal: self.laser_normal.as_deref().map(pick),
             sensor_normal: self.sensor_normal.as_deref().map(pick),
-            histograms: kept.iter().flat_map(|&p| self.histogram(p)).copied().collect(),
+            histograms: self.histograms_of(kept),
             empty: self.empty.as_ref().map(|counts| {
                 kept.iter().flat_map(|&p| &counts[p * self.bins..(p + 1) * self.bins]).copied().collect()
             }),

@@ -193,7 +193,8 @@ impl Capture {
         notes.extend(saturated.into_iter().filter_map(|(capture, name)| capture.saturated_note(name)));
         let found = self.pairs_in(&room)?;
         let kept: Vec<usize> = (0..found.len()).filter(|pair| found[*pair].is_some()).collect();
-        let counts = found.iter().flatten().flat_map(|at| room.histogram(*at)).copied().collect();
+        let of_kept: Vec<usize> = found.iter().flatten().copied().collect();
+        let counts = room.histograms_of(&of_kept);
         if kept.len() < found.len() {
             notes.push(format!(
                 "{} pairs that the empty capture does not hold are left out",

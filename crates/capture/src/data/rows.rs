@@ -26,6 +26,11 @@ impl Capture {
         }
     }
 
+    /// The histograms of these pairs, one behind the other, in exactly the room that they take.
+    pub(crate) fn histograms_of(&self, pairs: &[usize]) -> Vec<f32> {
+        pairs.iter().map(|pair| self.histogram(*pair)).collect::<Vec<_>>().concat()
+    }
+
     /// Whether any histogram is so.
     pub(crate) fn any_row(&self, is: impl Fn(&[f32]) -> bool + Sync + Send) -> bool {
         match is_small(&self.histograms) {

@@ -31,7 +31,7 @@ impl Capture {
                 (0..points).for_each(|at| order[pair(line, at)] = pair(line, points - 1 - at));
             }
             // Counts move, points stay.
-            self.histograms = order.iter().flat_map(|pair| self.histogram(*pair)).copied().collect();
+            self.histograms = self.histograms_of(&order);
             return Some(format!(
                 "every second line of the scan along {along} is stored backwards, as the lines beside it show: it is turned round (store \
                  points in one direction, or with their own coordinates)"

@@ -88,7 +88,7 @@ impl Capture {
     }
 
     fn reorder(&mut self, order: &[usize]) {
-        self.histograms = order.iter().flat_map(|pair| self.histogram(*pair)).copied().collect();
+        self.histograms = self.histograms_of(order);
     }
 
     /// Turns or mirrors a quadrant back if only then its histograms continue those across its borders.
