@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
+use super::decide::EvidenceGate;
 use crate::capture::{Capture, METRES_PER_PICOSECOND, gain};
 use crate::settings;
 
@@ -94,8 +95,8 @@ pub fn line_of(scan: [usize; 2], axis: usize, pair: usize) -> usize {
 pub enum Proposed {
     /// By products of rendered and measured light of each pair: gains.
     ByProducts,
-    /// By correlation of rendered and measured light of each line along this axis.
-    ByLines(usize),
+    /// By correlation of rendered and measured light of each line.
+    ByCorrelation,
     /// By fits that continue the surface with a step each way; steps of one have this many times the effect of a step of the scale.
     BySteps(i32),
     /// By fits from its starts, where a step of the scale leaves less: nearly every wrong delay or place changes the scale, too.
@@ -122,8 +123,10 @@ pub struct Law {
     pub proposed: Proposed,
     /// Numbers to begin with.
     pub starts: fn(&LawScan) -> Vec<Vec<f64>>,
-    /// First steps of the numbers, and how far each may be from 0. Empty: a number for each line.
+    /// First steps of the numbers, and how far each may be from 0; none of those of lines.
     pub steps: &'static [[f64; 2]],
+    /// Its numbers are of columns (0) or rows (1).
+    pub lines: Option<usize>,
     /// By what first steps are multiplied at these numbers.
     unit: fn(&[f64]) -> f64,
     /// Least size of a number that fits tell from 0, where points are moved.
@@ -142,6 +145,8 @@ pub struct Law {
     pub has_opposite: bool,
     /// Whether it is a property of the rig, and so of the next capture, too.
     is_of_rig: bool,
+    /// What it must reach to be undone.
+    pub gate: EvidenceGate,
     /// Whether the capture can show it.
     pub applies: fn(&LawScan) -> bool,
 }
@@ -154,6 +159,7 @@ const OF_DELAYS: Law = Law {
     proposed: Proposed::AsScale,
     starts: |_| vec![],
     steps: &[],
+    lines: None,
     unit: |_| 1.0,
     least: 0.0,
     gain: None,
@@ -163,6 +169,7 @@ const OF_DELAYS: Law = Law {
     has_rivals: |_| false,
     has_opposite: true,
     is_of_rig: true,
+    gate: EvidenceGate::SEARCHED,
     applies: |_| true,
 };
 const OF_PLACES: Law = Law {
@@ -203,37 +210,28 @@ const fn of_motion<const AXIS: usize>() -> Law {
     }
 }
 
-/// The line from which on counts are higher, as a share of the lines, and the logarithm of the step.
-const fn of_power<const AXIS: usize>() -> Law {
+/// Logarithms of gains of every line.
+const fn of_gains<const AXIS: usize>() -> Law {
     Law {
-        what: |s, n| {
-            format!(
-                "from line {:.0} of the {} on, counts are {:.2} times as high, as of a laser whose power changed",
-                n[0] * s.scan[AXIS] as f64,
-                LINES[AXIS],
-                n[1].exp()
-            )
-        },
+        what: |_, n| gains_in_words(LINES[AXIS], n),
         hint: ["divide the counts by the power of each column", "divide the counts by the power of each row"]
             [AXIS],
-        starts: |s| steps_of(s.scan[AXIS]),
-        steps: &[[0.0, 1.0], [0.2, 2.0]],
-        gain: Some(|s, n, pair| {
-            let is_behind = line_of(s.scan, AXIS, pair) as f64 + 0.5 > n[0] * s.scan[AXIS] as f64;
-            if is_behind { n[1].exp() } else { 1.0 }
-        }),
+        lines: Some(AXIS),
+        gain: Some(|s, n, pair| n[line_of(s.scan, AXIS, pair)].exp()),
         is_of_rig: false,
+        gate: EvidenceGate::GAINS,
         applies: |s| s.scan[AXIS] >= 8 && s.scan[1 - AXIS] >= 4,
         ..OF_GAINS
     }
 }
 
 /// Delays of every line.
-const fn of_lines<const AXIS: usize>() -> Law {
+const fn of_delays<const AXIS: usize>() -> Law {
     Law {
-        what: |_, n| pattern(LINES[AXIS], ["x", "y"][AXIS], n),
+        what: |_, n| delays_in_words(LINES[AXIS], ["x", "y"][AXIS], n),
         hint: "measure the delay of each line, or correct the times before they are binned",
-        proposed: Proposed::ByLines(AXIS),
+        proposed: Proposed::ByCorrelation,
+        lines: Some(AXIS),
         delay: Some(|s, n, pair| n[line_of(s.scan, AXIS, pair)]),
         has_opposite: false,
         applies: |s| s.scan[AXIS] >= 4 && s.scan[1 - AXIS] > 1,
@@ -370,6 +368,19 @@ pub const LAWS: &[Law] = &[
         ..OF_PLACES
     },
     Law {
+        name: "angles",
+        what: |_, n| {
+            let [x, y] = [1.0 + n[0], 1.0 + n[1]];
+            format!(
+                "points at the wall's sides lie {x:.3} times as far out along x, and {y:.3} times along y, as given, with the square of that \
+                 coordinate, as of two mirrors whose angles were taken for places"
+            )
+        },
+        steps: &[[0.05, 0.4]; 2],
+        of_point: Some(|n, p, _| p * DVec2::new(1.0 + n[0] * p.x * p.x, 1.0 + n[1] * p.y * p.y)),
+        ..OF_PLACES
+    },
+    Law {
         name: "keystone",
         what: |_, n| {
             let [x0, x1, y0, y1] = [1.0 - n[0], 1.0 + n[0], 1.0 - n[1], 1.0 + n[1]];
@@ -422,10 +433,10 @@ pub const LAWS: &[Law] = &[
         gain: Some(|s, n, pair| fall(s.device(n), s.laser[pair]) * fall(s.device(n), s.sensor[pair])),
         ..OF_DEVICES
     },
-    Law { name: "rows", ..of_power::<1>() },
-    Law { name: "columns", ..of_power::<0>() },
-    Law { name: "delays of columns", ..of_lines::<0>() },
-    Law { name: "delays of rows", ..of_lines::<1>() },
+    Law { name: "gains of columns", ..of_gains::<0>() },
+    Law { name: "gains of rows", ..of_gains::<1>() },
+    Law { name: "delays of columns", ..of_delays::<0>() },
+    Law { name: "delays of rows", ..of_delays::<1>() },
 ];
 
 /// The law of this name.
@@ -444,7 +455,7 @@ pub fn stored(
 ) -> Result<Option<(&'static Law, LawScan)>, String> {
     let given = of.numbers.len();
     let law = LAWS.iter().find(|law| law.name == of.law);
-    let law = law.filter(|law| matches!(law.proposed, Proposed::ByLines(_)) || law.steps.len() == given);
+    let law = law.filter(|law| law.lines.is_some() || law.steps.len() == given);
     let law = law.ok_or_else(|| format!("no law {:?} of {given} numbers is known", of.law))?;
     let count = law.count(capture.scan);
     if count != given {
@@ -465,13 +476,6 @@ fn positions(_: &LawScan) -> Vec<Vec<f64>> {
 /// cos / distance² over metres², of a device in front of a wall at z = 0.
 fn fall(device: DVec3, point: DVec3) -> f64 {
     gain::falloff(device, point, DVec3::Z).max(1e-9)
-}
-
-/// Steps of the power before every line, as shares of the lines.
-fn steps_of(lines: usize) -> Vec<Vec<f64>> {
-    let inner = (lines / 8).max(2)..=lines - (lines / 8).max(2);
-    let each = inner.step_by((lines / 32).max(1)).map(|line| line as f64 / lines as f64);
-    each.flat_map(|line| [-0.2, 0.2].map(|step| vec![line, step])).collect()
 }
 
 /// 1 where a coordinate `at` is behind the place of the motion, else 0.
@@ -497,21 +501,35 @@ fn device_at(s: &LawScan, n: &[f64]) -> String {
     format!("a device at {}", place(s.device(n)))
 }
 
-/// Delays of lines as a sentence.
-fn pattern(lines: &str, axis: &str, delays: &[f64]) -> String {
-    let picoseconds = |metres: f64| metres / METRES_PER_PICOSECOND;
-    let count = delays.len();
+/// How numbers of lines follow each other.
+enum LineShape {
+    /// Every second line differs from the others by this.
+    Alternating(f64),
+    /// From a line on, numbers are higher by this.
+    Step(usize, f64),
+    /// Numbers rise by this from line to line.
+    Trend(f64),
+    /// None of these: the root mean square.
+    Own(f64),
+}
+
+/// The simplest shape that leaves less than 30 % of the squares.
+fn line_shape(numbers: &[f64]) -> LineShape {
+    const MOST: f64 = 0.3;
+    let count = numbers.len();
     let mean_of = |of: &dyn Fn(usize) -> bool| {
-        let chosen = || delays.iter().enumerate().filter(|(line, _)| of(*line));
-        chosen().map(|(_, delay)| delay).sum::<f64>() / chosen().count().max(1) as f64
+        let chosen = || numbers.iter().enumerate().filter(|(line, _)| of(*line));
+        chosen().map(|(_, number)| number).sum::<f64>() / chosen().count().max(1) as f64
     };
     let mean = mean_of(&|_| true);
     let left = |model: &dyn Fn(usize) -> f64| -> f64 {
-        delays.iter().enumerate().map(|(line, d)| (d - model(line)).powi(2)).sum()
+        numbers.iter().enumerate().map(|(line, n)| (n - model(line)).powi(2)).sum()
     };
     let all = left(&|_| mean);
     let [even, odd] = [0, 1].map(|parity| mean_of(&|line| line % 2 == parity));
-    let alternating = left(&|line| if line % 2 == 0 { even } else { odd });
+    if left(&|line| if line % 2 == 0 { even } else { odd }) < MOST * all {
+        return LineShape::Alternating(odd - even);
+    }
     let step = (2..count - 1)
         .map(|at| (at, [mean_of(&|line| line < at), mean_of(&|line| line >= at)]))
         .map(|(at, sides)| (at, sides[1] - sides[0], left(&|line| sides[usize::from(line >= at)])))
@@ -519,30 +537,58 @@ fn pattern(lines: &str, axis: &str, delays: &[f64]) -> String {
     let middle = 0.5 * (count as f64 - 1.0);
     let centred = |line: usize| line as f64 - middle;
     let squares: f64 = (0..count).map(|line| centred(line).powi(2)).sum();
-    let slope = delays.iter().enumerate().map(|(line, d)| centred(line) * d).sum::<f64>() / squares;
+    let slope = numbers.iter().enumerate().map(|(line, n)| centred(line) * n).sum::<f64>() / squares;
     let trend = left(&|line| mean + slope * centred(line));
-    /// A pattern that leaves more than this share of the squares is another one.
-    const MOST: f64 = 0.3;
-    if alternating < MOST * all {
-        return format!(
-            "every second one of the {lines} is late by {:.0} ps, as of a scanner that lags behind on its way back",
-            picoseconds(odd - even).abs()
-        );
-    }
     match step {
-        Some((at, height, rest)) if rest < MOST * all && rest < trend => format!(
+        Some((at, height, rest)) if rest < MOST * all && rest < trend => LineShape::Step(at, height),
+        _ if trend < MOST * all => LineShape::Trend(slope),
+        _ => LineShape::Own((numbers.iter().map(|n| n * n).sum::<f64>() / count as f64).sqrt()),
+    }
+}
+
+/// Delays of lines, metres of path, as a sentence.
+fn delays_in_words(lines: &str, axis: &str, delays: &[f64]) -> String {
+    let picoseconds = |metres: f64| metres / METRES_PER_PICOSECOND;
+    match line_shape(delays) {
+        LineShape::Alternating(by) => format!(
+            "every second one of the {lines} is late by {:.0} ps, as of a scanner that lags behind on its way back",
+            picoseconds(by).abs()
+        ),
+        LineShape::Step(at, by) => format!(
             "from line {at} of the {lines} on, counts are {:.0} ps {} than before, as of a time zero that jumped",
-            picoseconds(height).abs(),
-            if height > 0.0 { "later" } else { "earlier" }
+            picoseconds(by).abs(),
+            if by > 0.0 { "later" } else { "earlier" }
         ),
-        _ if trend < MOST * all => format!(
+        LineShape::Trend(by) => format!(
             "counts are later by {:.1} ps with each line along {axis}, as of a skew or drift of time zero",
-            picoseconds(slope)
+            picoseconds(by)
         ),
-        _ => {
-            let rms = (delays.iter().map(|d| d * d).sum::<f64>() / count as f64).sqrt();
+        LineShape::Own(rms) => {
             format!("the {lines} have delays of their own, of {:.0} ps (root mean square)", picoseconds(rms))
         }
+    }
+}
+
+/// Logarithms of gains of lines as a sentence.
+fn gains_in_words(lines: &str, logs: &[f64]) -> String {
+    match line_shape(logs) {
+        LineShape::Alternating(by) => {
+            format!("every second one of the {lines} has {:.2} times as many counts", by.abs().exp())
+        }
+        LineShape::Step(at, by) => format!(
+            "from line {at} of the {lines} on, counts are {:.2} times as high, as of a laser whose power changed",
+            by.exp()
+        ),
+        LineShape::Trend(by) => {
+            format!(
+                "counts change by a factor of {:.3} with each of the {lines}, as of a laser that warms up",
+                by.exp()
+            )
+        }
+        LineShape::Own(rms) => format!(
+            "the {lines} have gains of their own, which differ by {:.0} % (root mean square), as of a laser or a detector that drifts",
+            100.0 * rms.exp_m1()
+        ),
     }
 }
 
@@ -555,15 +601,12 @@ impl std::fmt::Debug for Law {
 impl Law {
     /// Numbers of the law for this scan: those of lines are as many as the lines.
     pub fn count(&self, scan: [usize; 2]) -> usize {
-        match self.proposed {
-            Proposed::ByLines(axis) => scan[axis],
-            _ => self.steps.len(),
-        }
+        self.lines.map_or(self.steps.len(), |axis| scan[axis])
     }
 
     /// Whether steps from one surface find its numbers.
     pub fn is_closed_form(&self) -> bool {
-        matches!(self.proposed, Proposed::ByLines(_) | Proposed::ByProducts)
+        matches!(self.proposed, Proposed::ByCorrelation | Proposed::ByProducts)
     }
 
     /// First steps at these numbers, times a factor, and how far each number may be from 0.
@@ -692,8 +735,12 @@ mod tests {
             "{} {corner}",
             late[0]
         );
-        for name in ["laser", "both", "rows"] {
-            let (of, numbers) = (named(name), (named(name).starts)(&setting).swap_remove(1));
+        let of_rows: Vec<f64> = (0..16).map(|row| if row < 6 { 0.0 } else { -0.2 }).collect();
+        let starts = |name: &str| (named(name).starts)(&setting).swap_remove(1);
+        for (name, numbers) in
+            [("laser", starts("laser")), ("both", starts("both")), ("gains of rows", of_rows.clone())]
+        {
+            let of = named(name);
             let logs = of.logs(&setting, &numbers, &pairs);
             let mut weighted = proper.clone();
             for (row, log) in weighted.histograms.chunks_exact_mut(120).zip(&logs) {
@@ -749,6 +796,10 @@ mod tests {
         assert_eq!(sheared.given.as_deref(), Some(&[capture.laser.clone(), capture.sensor.clone()]));
         let sides = named("sides").undone(&capture, &setting, &[0.1, -0.2]);
         assert!(sides.laser[0].distance(dvec3(1.1 * at.x + 3.0, 0.8 * at.y, 0.0)) < 1e-12);
+        let by_angles = named("angles").undone(&capture, &setting, &[0.1, -0.2]);
+        let [x, y] = [at.x / half, at.y / half];
+        let there = dvec3(at.x * (1.0 + 0.1 * x * x) + 3.0, at.y * (1.0 - 0.2 * y * y), 0.0);
+        assert!(by_angles.laser[0].distance(there) < 1e-12);
         let farther = named("radial").undone(&capture, &setting, &[0.1]);
         let edge = capture.laser[8] - dvec3(3.0, 0.0, 0.0);
         let out = 1.0 + 0.1 * (edge / half).truncate().length_squared();
@@ -788,6 +839,17 @@ mod tests {
         );
         names(&|line| 7.0 * line as f64, "later by 7.0 ps with each line along x");
         names(&|line| 50.0 * late(line * 7) as f64, "delays of their own");
+        let names = |log: &dyn Fn(usize) -> f64, words: &str| {
+            let what = (named("gains of rows").what)(&scan, &(0..16).map(log).collect::<Vec<f64>>());
+            assert!(what.contains(words), "{what}");
+        };
+        names(&|line| 0.2 * (line % 2) as f64, "every second one of the rows has 1.22 times as many counts");
+        names(
+            &|line| if line < 6 { 0.0 } else { -0.5 },
+            "from line 6 of the rows on, counts are 0.61 times as high",
+        );
+        names(&|line| 0.01 * line as f64, "change by a factor of 1.010 with each of the rows");
+        names(&|line| 0.1 * late(line * 7) as f64, "gains of their own, which differ by 18 %");
     }
 
     #[test]
@@ -795,11 +857,9 @@ mod tests {
         let capture = capture();
         let scan = LawScan::of(&capture);
         for law in LAWS.iter().filter(|law| law.is_of_rig && (law.applies)(&scan)) {
-            let numbers: Vec<f64> = match law.proposed {
-                Proposed::ByLines(_) => {
-                    (0..law.count(capture.scan)).map(|line| 0.01 * (line % 3) as f64).collect()
-                }
-                _ => law.steps.iter().map(|[step, _]| 0.5 * step).collect(),
+            let numbers: Vec<f64> = match law.lines {
+                Some(axis) => (0..capture.scan[axis]).map(|line| 0.01 * (line % 3) as f64).collect(),
+                None => law.steps.iter().map(|[step, _]| 0.5 * step).collect(),
             };
             let (again, about) = stored(&law.as_stored(&scan, &numbers), &capture).unwrap().unwrap();
             let undone = again.undone(&capture, &about, &numbers);

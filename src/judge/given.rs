@@ -294,7 +294,7 @@ mod tests {
         let given = capture.laser[0];
         assert!(wider.laser[0].distance(dvec3(0.5 + 1.1 * (given.x - 0.5), 1.1 * given.y, 0.0)) < 1e-12);
         assert!(finding.what.contains("1.100 times"), "{}", finding.what);
-        for (law, numbers) in [("moved along x", vec![0.1; 4]), ("rows", vec![0.5, 0.1])] {
+        for (law, numbers) in [("moved along x", vec![0.1; 4]), ("gains of rows", vec![0.1; 8])] {
             assert_eq!(undone(correction(law, &numbers)).unwrap().1.left_out, [law]);
         }
         let late = [0.0, 0.02, 0.0, 0.02, 0.0, 0.02, 0.0, 0.02];

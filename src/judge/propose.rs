@@ -92,7 +92,7 @@ fn lines(trials: &Trials<'_>) -> Result<Option<Proposal>> {
     let Some(all) = trials.trial.all(&trials.base.surface.layers)? else { return Ok(None) };
     let left = all.left();
     let excess: f64 = left.pairs.iter().map(|p| p[0]).sum::<f64>() - left.noise;
-    let laws = LAWS.iter().filter(|law| matches!(law.proposed, Proposed::ByLines(_)));
+    let laws = LAWS.iter().filter(|law| law.proposed == Proposed::ByCorrelation);
     let laws = laws.filter(|law| (law.applies)(&trials.scan));
     let each = laws.filter_map(|law| Some((law, correlated(law, &all, trials.scan.scan)?)));
     let best = each.max_by(|(_, a), (_, b)| a.1.total_cmp(&b.1));
@@ -112,7 +112,7 @@ pub fn delays(undone: &Trial<'_>, tried: &TriedLaw, scan: [usize; 2]) -> Result<
 
 /// Of each line, metres of path by which the measured light is later than the rendered one, with their median at 0; and by how much the squares that are left fall.
 fn correlated(law: &Law, held: &HeldOut, scan: [usize; 2]) -> Option<(Vec<f64>, f64)> {
-    let Proposed::ByLines(axis) = law.proposed else { return None };
+    let axis = law.lines?;
     let (bins, count) = (held.bins(), scan[axis]);
     let farthest = (bins / bounds::FARTHEST[0]).min(bounds::FARTHEST[1]);
     let [rendered, measured] = held.sides();

@@ -105,7 +105,7 @@ impl<'j> Trials<'j> {
             let undone =
                 self.trial.with_capture(law.undone(self.trial.capture(), &self.scan, &tried.numbers));
             next = match law.proposed {
-                Proposed::ByLines(_) => propose::delays(&undone, &tried, self.scan.scan)?,
+                Proposed::ByCorrelation => propose::delays(&undone, &tried, self.scan.scan)?,
                 _ => gains::next(&undone, &tried, &self.scan)?,
             };
             best = Some(tried);
@@ -221,7 +221,7 @@ pub fn corrected<'c>(mut job: Job<'c>, gpu: &Gpu, hear: &mut OnProgress<'_>) -> 
         finding.left =
             vec![("none".into(), Some(before_it.figures())), (law.name.into(), Some(after.figures()))];
         finding.law = Some(law.name.into());
-        finding.is_used = found.passes(EvidenceGate::of(FindingSource::Searched));
+        finding.is_used = found.passes(law.gate);
         let is_used = finding.is_used;
         if is_used {
             finding.corrections = vec![law.as_stored(&scan, numbers)];
@@ -255,7 +255,7 @@ fn searched(job: &Job<'_>, gpu: &Gpu, hear: &mut OnProgress<'_>) -> Result<Optio
         }
         found.sort_by(TriedLaw::compared);
         let is_settled =
-            |best: &TriedLaw| !(best.law.has_rivals)(&best.numbers) && best.passes(EvidenceGate::SEARCHED);
+            |best: &TriedLaw| !(best.law.has_rivals)(&best.numbers) && best.passes(best.law.gate);
         if found.first().is_some_and(is_settled) {
             break;
         }
@@ -269,6 +269,6 @@ fn searched(job: &Job<'_>, gpu: &Gpu, hear: &mut OnProgress<'_>) -> Result<Optio
     for of in found.iter().take(bounds::FINALISTS).filter(|of| of.share_left() <= near) {
         finalists.extend(trials.whole(of)?);
     }
-    finalists.retain(|tried| tried.passes(EvidenceGate::DOUBT));
+    finalists.retain(|tried| tried.passes(EvidenceGate::DOUBT) || tried.passes(tried.law.gate));
     Ok(finalists.into_iter().min_by(TriedLaw::compared))
 }
