@@ -368,19 +368,6 @@ pub const LAWS: &[Law] = &[
         ..OF_PLACES
     },
     Law {
-        name: "angles",
-        what: |_, n| {
-            let [x, y] = [1.0 + n[0], 1.0 + n[1]];
-            format!(
-                "points at the wall's sides lie {x:.3} times as far out along x, and {y:.3} times along y, as given, with the square of that \
-                 coordinate, as of two mirrors whose angles were taken for places"
-            )
-        },
-        steps: &[[0.05, 0.4]; 2],
-        of_point: Some(|n, p, _| p * DVec2::new(1.0 + n[0] * p.x * p.x, 1.0 + n[1] * p.y * p.y)),
-        ..OF_PLACES
-    },
-    Law {
         name: "keystone",
         what: |_, n| {
             let [x0, x1, y0, y1] = [1.0 - n[0], 1.0 + n[0], 1.0 - n[1], 1.0 + n[1]];
@@ -796,10 +783,6 @@ mod tests {
         assert_eq!(sheared.given.as_deref(), Some(&[capture.laser.clone(), capture.sensor.clone()]));
         let sides = named("sides").undone(&capture, &setting, &[0.1, -0.2]);
         assert!(sides.laser[0].distance(dvec3(1.1 * at.x + 3.0, 0.8 * at.y, 0.0)) < 1e-12);
-        let by_angles = named("angles").undone(&capture, &setting, &[0.1, -0.2]);
-        let [x, y] = [at.x / half, at.y / half];
-        let there = dvec3(at.x * (1.0 + 0.1 * x * x) + 3.0, at.y * (1.0 - 0.2 * y * y), 0.0);
-        assert!(by_angles.laser[0].distance(there) < 1e-12);
         let farther = named("radial").undone(&capture, &setting, &[0.1]);
         let edge = capture.laser[8] - dvec3(3.0, 0.0, 0.0);
         let out = 1.0 + 0.1 * (edge / half).truncate().length_squared();

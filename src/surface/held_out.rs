@@ -156,6 +156,19 @@ impl HeldOut {
         }
     }
 
+    /// The factor of the rendered light that suits the measured one best, and what is left with it.
+    pub fn scaled(&self) -> (f64, Left) {
+        let [rendered, measured] = self.sides();
+        let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let factor = product(&rendered, &measured) / product(&rendered, &rendered).max(f64::MIN_POSITIVE);
+        let of_pair = |(rendered, measured): (&[f64], &[f64])| {
+            let difference: Vec<f64> = rendered.iter().zip(measured).map(|(r, m)| factor * r - m).collect();
+            [product(&difference, &difference), product(measured, measured)]
+        };
+        let rows = rendered.chunks(self.bins()).zip(measured.chunks(self.bins()));
+        (factor, self.left_with(rows.map(of_pair).collect()))
+    }
+
     /// Squared differences of each pair in counts, as the objective weighs them: of versions of a capture that differ by light.
     pub fn squared_counts(&self) -> Vec<f64> {
         let unit = self.counts_per_unit * self.counts_per_unit;

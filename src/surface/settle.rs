@@ -18,6 +18,11 @@ mod constants {
     pub const PARTS: usize = 4;
     /// The least pixels of a part.
     pub const LEAST: usize = 16;
+    /// Probabilities from which on pixels of the mask are plates, and their least expected IoU over that of the whole mask.
+    pub const PLATES: [f32; 6] = [0.0, 0.5, 0.6, 0.7, 0.8, 0.9];
+    pub const LIKELY: f64 = 0.85;
+    /// Plates that leave more than the best surface by these standard errors are followed by no smaller ones.
+    pub const HOPELESS: f64 = 6.0;
     /// A variance of places that is added to that of a window, squared pixels, so that few pixels have no steep plane.
     pub const STIFF: f64 = 0.05;
 }
@@ -56,7 +61,54 @@ pub(super) fn settle(fit: &mut Fit, layer: &Maps, maps: &mut Maps) -> Result<()>
             }
         }
     }
+    if let Some(plates) = plates(fit, &layer, maps, best)? {
+        *maps = plates;
+    }
     Ok(())
+}
+
+/// Flat parts of one albedo each, with the mask that leaves least: in dim light the last word draws too much, and the fit bends away what has
+/// no light. `None` if another surface leaves clearly less.
+fn plates(fit: &mut Fit, layer: &Maps, maps: &Maps, best: Left) -> Result<Option<Maps>> {
+    let Some(probability) = maps.probability.as_ref() else { return Ok(None) };
+    let whole = expected_iou(&maps.mask, probability);
+    let mut found: Option<(Left, Maps)> = None;
+    for least in PLATES {
+        let mask: Vec<bool> = maps.mask.iter().zip(probability).map(|(m, p)| *m && *p >= least).collect();
+        if expected_iou(&mask, probability) < LIKELY * whole {
+            break;
+        }
+        let [mut of_fit, mut shown] = [layer, maps].map(Maps::clone);
+        for pixel in (0..mask.len()).filter(|pixel| !mask[*pixel]) {
+            (of_fit.depth[pixel], of_fit.albedo[pixel]) = (f32::NAN, 0.0);
+        }
+        shown.mask = mask;
+        let parts = support::objects_of(&shown);
+        for part in parts.iter().filter(|part| part.len() >= LEAST) {
+            [of_fit, shown] = [of_fit, shown].map(|of| smoothed(&of, part, Some(None), None));
+        }
+        let Some(held) = fit.rendered(std::slice::from_ref(&of_fit))? else { break };
+        let (factor, left) = held.scaled();
+        shown.albedo.iter_mut().for_each(|albedo| *albedo *= factor as f32);
+        let is_hopeless = left.errors_below(&best) < -HOPELESS;
+        if found.as_ref().is_none_or(|(other, _)| left.share() < other.share()) {
+            found = Some((left, shown));
+        }
+        if is_hopeless {
+            break;
+        }
+    }
+    Ok(found.filter(|(left, _)| left.errors_below(&best) >= -ERRORS).map(|(_, plates)| plates))
+}
+
+/// What the probabilities of pixels promise of a mask: its share of surface over what mask and surface cover together, as means.
+fn expected_iou(mask: &[bool], probability: &[f32]) -> f64 {
+    let [mut shared, mut all] = [0.0, f64::MIN_POSITIVE];
+    for (is_in, p) in mask.iter().zip(probability) {
+        let p = f64::from(*p);
+        (shared, all) = if *is_in { (shared + p, all + 1.0) } else { (shared, all + p) };
+    }
+    shared / all
 }
 
 /// What a layer leaves of the pairs that are held out.
@@ -186,6 +238,14 @@ mod tests {
         assert!(part.iter().all(|p| (plane.albedo[*p] - 1.0).abs() < 1e-6));
         let outside = (0..N * N).filter(|p| !part.contains(p));
         assert!(outside.into_iter().all(|p| plane.albedo[p] == 0.0 && plane.depth[p].is_nan()));
+    }
+
+    #[test]
+    fn a_mask_promises_less_with_unlikely_pixels_and_without_likely_ones() {
+        let probability = [0.9, 0.9, 0.4, 0.1];
+        let of = |count: usize| expected_iou(&[0, 1, 2, 3].map(|at| at < count), &probability);
+        assert!((of(2) - 1.8 / 2.5).abs() < 1e-6, "{}", of(2));
+        assert!(of(2) > of(1) && of(2) > of(3) && of(3) > of(4));
     }
 
     #[test]

@@ -403,9 +403,9 @@ impl Row {
         Row { name: fault.name, iou: [before, after], times, verdict, is_named }
     }
 
-    /// As good as the proper capture, or below good with its cause named.
+    /// As good as the proper capture.
     fn holds(&self) -> bool {
-        self.iou[1] > self.iou[0] - ALIKE || self.is_named
+        self.iou[1] > self.iou[0] - ALIKE
     }
 
     fn line(&self) -> String {
