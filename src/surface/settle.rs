@@ -12,7 +12,7 @@ use crate::maps::Maps;
 mod constants {
     /// Widths of Gaussian windows as shares of the maps' width; beyond the last one a part is a plane, of one albedo.
     pub const WIDTHS: [f64; 4] = [1.0 / 128.0, 1.0 / 64.0, 1.0 / 32.0, 1.0 / 16.0];
-    /// Standard errors of the difference by which a smoother surface may leave more than the best one.
+    /// Standard errors of the difference by which a smoother surface may leave more than the best one, and smaller plates must leave less.
     pub const ERRORS: f64 = 1.0;
     /// Parts that are judged one by one, the largest; smaller ones stay as the fit left them.
     pub const PARTS: usize = 4;
@@ -35,7 +35,7 @@ use constants::*;
 /// The device fails.
 pub(super) fn settle(fit: &mut Fit, layer: &Maps, maps: &mut Maps) -> Result<()> {
     let mut layer = layer.clone();
-    let Some(mut best) = left(fit, &layer)? else { return Ok(()) };
+    let Some((_, mut best)) = scaled_left(fit, &layer)? else { return Ok(()) };
     let mut parts = support::objects_of(maps);
     parts.retain(|part| part.len() >= LEAST);
     parts.sort_by_key(|part| std::cmp::Reverse(part.len()));
@@ -47,13 +47,14 @@ pub(super) fn settle(fit: &mut Fit, layer: &Maps, maps: &mut Maps) -> Result<()>
             for window in windows() {
                 // A plane may have several tones.
                 let of_albedo = if of_depths { window.or(windows().flatten().last()) } else { window };
-                let smooth =
+                let mut smooth =
                     from.each_ref().map(|of| smoothed(of, part, of_depths.then_some(window), of_albedo));
-                let Some(this) = left(fit, &smooth[0])? else { break };
+                let Some((factor, this)) = scaled_left(fit, &smooth[0])? else { break };
                 let errors = this.errors_below(&best);
                 if errors < -ERRORS {
                     break;
                 }
+                smooth.iter_mut().for_each(|of| scale(of, factor));
                 [layer, *maps] = smooth;
                 if errors > 0.0 {
                     best = this;
@@ -67,7 +68,7 @@ pub(super) fn settle(fit: &mut Fit, layer: &Maps, maps: &mut Maps) -> Result<()>
     Ok(())
 }
 
-/// Flat parts of one albedo each, with the mask that leaves least: in dim light the last word draws too much, and the fit bends away what has
+/// Flat parts of one albedo each, with the largest mask that no smaller one contradicts: in dim light the last word draws too much, and the fit bends away what has
 /// no light. `None` if another surface leaves clearly less.
 fn plates(fit: &mut Fit, layer: &Maps, maps: &Maps, best: Left) -> Result<Option<Maps>> {
     let Some(probability) = maps.probability.as_ref() else { return Ok(None) };
@@ -87,11 +88,10 @@ fn plates(fit: &mut Fit, layer: &Maps, maps: &Maps, best: Left) -> Result<Option
         for part in parts.iter().filter(|part| part.len() >= LEAST) {
             [of_fit, shown] = [of_fit, shown].map(|of| smoothed(&of, part, Some(None), None));
         }
-        let Some(held) = fit.rendered(std::slice::from_ref(&of_fit))? else { break };
-        let (factor, left) = held.scaled();
-        shown.albedo.iter_mut().for_each(|albedo| *albedo *= factor as f32);
+        let Some((factor, left)) = scaled_left(fit, &of_fit)? else { break };
+        scale(&mut shown, factor);
         let is_hopeless = left.errors_below(&best) < -HOPELESS;
-        if found.as_ref().is_none_or(|(other, _)| left.share() < other.share()) {
+        if found.as_ref().is_none_or(|(larger, _)| left.errors_below(larger) > ERRORS) {
             found = Some((left, shown));
         }
         if is_hopeless {
@@ -111,9 +111,14 @@ fn expected_iou(mask: &[bool], probability: &[f32]) -> f64 {
     shared / all
 }
 
-/// What a layer leaves of the pairs that are held out.
-fn left(fit: &mut Fit, layer: &Maps) -> Result<Option<Left>> {
-    Ok(fit.rendered(std::slice::from_ref(layer))?.map(|held| held.left()))
+/// The factor of a layer's albedos that suits the pairs that are held out, and what it leaves of them: another shape sends another share of
+/// the light to the wall.
+fn scaled_left(fit: &mut Fit, layer: &Maps) -> Result<Option<(f64, Left)>> {
+    Ok(fit.rendered(std::slice::from_ref(layer))?.map(|held| held.scaled()))
+}
+
+fn scale(maps: &mut Maps, factor: f64) {
+    maps.albedo.iter_mut().for_each(|albedo| *albedo *= factor as f32);
 }
 
 /// The maps with a smooth `part`: its depths are those of planes fitted within a Gaussian window, of one plane without a window, and its
