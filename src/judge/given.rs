@@ -144,17 +144,25 @@ fn shared(job: &Job<'_>) -> Result<Option<Offer>> {
     if !job.has_light() || !job.calibrates() || capture.noise.is_some() {
         return Ok(None);
     }
+    let Some((left, what)) = without_shared(capture) else { return Ok(None) };
+    let hint = "take away what reflects it, or measure the empty room";
+    let finding = CaptureFinding::new(FindingSource::Searched, what.clone(), hint);
+    let version = Version { name: "subtracted", what, capture: left, gains: None };
+    Ok(Some(Offer { finding, without: None, versions: vec![version] }))
+}
+
+/// The capture without light that all pairs share, and what that is; `None` where there is none, or nothing else.
+fn without_shared(capture: &Capture) -> Option<(Capture, String)> {
     let per_count = variance_per_count(capture);
-    let Some(light) = capture.shared_light(per_count) else { return Ok(None) };
+    let light = capture.shared_light(per_count)?;
+    let sum = |capture: &Capture| capture.histograms.iter().map(|v| f64::from(*v)).sum::<f64>();
     let (all, count) = (light.iter().sum::<f64>(), capture.pair_count() as f64);
     let top = (0..capture.bins).max_by(|a, b| light[*a].total_cmp(&light[*b])).unwrap_or(0);
     let path = capture.t_start + (top as f64 + 0.5) * capture.bin_width;
-    let share = 100.0 * (all * count / capture.histograms.iter().map(|v| f64::from(*v)).sum::<f64>());
+    let share = 100.0 * all * count / sum(capture);
     let what = format!(
         "the same peak in every pair at a path of {path:.3} m, {share:.1} % of the counts, as of a cover glass or the instrument's own light"
     );
-    let hint = "take away what reflects it, or measure the empty room";
-    let finding = CaptureFinding::new(FindingSource::Searched, what.clone(), hint);
     // Counts with a noise of their own are those of the scene alone.
     let (mut left, ground) = (capture.clone(), background(capture));
     for row in left.histograms.chunks_exact_mut(capture.bins) {
@@ -162,8 +170,8 @@ fn shared(job: &Job<'_>) -> Result<Option<Offer>> {
     }
     let floor = per_count * (all / capture.bins as f64 + ground);
     (left.noise, left.integer_counts) = (Some([per_count, floor]), false);
-    let version = Version { name: "subtracted", what, capture: left, gains: None };
-    Ok(Some(Offer { finding, without: None, versions: vec![version] }))
+    // A room that lights all points alike is no peak: without it and the background too little is left.
+    (sum(&left) > 0.0).then_some((left, what))
 }
 
 /// The corrections of the file that is set.
@@ -284,6 +292,25 @@ mod tests {
 
     fn correction(law: &str, numbers: &[f64]) -> Correction {
         Correction { law: law.into(), numbers: numbers.to_vec(), middle: [0.5, 0.0], half: 2.0 }
+    }
+
+    /// Exact light over a room whose light is nearly the same for all points.
+    #[test]
+    fn what_leaves_no_light_is_no_shared_peak() {
+        let of = |light: f32| {
+            let points: Vec<DVec3> = (0..256).map(|p| dvec3((p / 16) as f64, (p % 16) as f64, 0.0)).collect();
+            let value = |pair: usize, bin: usize| {
+                let scene = if bin == 20 + pair / 4 { light } else { 0.0 };
+                let shared = if (100..104).contains(&bin) { 9.0 } else { 0.0 };
+                scene + shared + 0.25
+            };
+            let counts = (0..256 * 150).map(|at| value(at / 150, at % 150)).collect();
+            Capture::new([16, 16], points.clone(), points, 150, 0.01, counts)
+        };
+        let (left, what) = without_shared(&of(1.0)).expect("a peak");
+        let most = left.histograms.iter().fold(0.0f32, |most, v| most.max(v.abs()));
+        assert!(what.contains("path of 1.0") && most < 2.0, "{what}: {most}");
+        assert!(of(-0.2).shared_light(0.0).is_some() && without_shared(&of(-0.2)).is_none());
     }
 
     #[test]
