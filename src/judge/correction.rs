@@ -103,6 +103,8 @@ pub enum Proposed {
     AsScale,
     /// By the sharpness of light-cone transforms.
     BySharpness,
+    /// By fits from its starts, where other laws leave less and none is proven.
+    Last,
     /// By fits of the first and the last lines along this axis.
     ByEnds(usize),
 }
@@ -365,6 +367,23 @@ pub const LAWS: &[Law] = &[
         proposed: Proposed::BySteps(2),
         steps: &[[0.04, 0.4]],
         of_point: Some(|n, p, _| (1.0 + n[0] * p.length_squared()) * p),
+        ..OF_PLACES
+    },
+    Law {
+        name: "angles",
+        what: |_, n| {
+            let [x, y] = [1.0 + n[0], 1.0 + n[1]];
+            format!(
+                "points at the wall's sides lie {x:.3} times as far out along x, and {y:.3} times along y, as given, with the square of that \
+                 coordinate, as of two mirrors whose angles were taken for places"
+            )
+        },
+        proposed: Proposed::Last,
+        starts: |_| [[-0.08, 0.0], [0.0, -0.08], [0.08, 0.0], [0.0, 0.08]].map(|n| n.to_vec()).to_vec(),
+        // Both sides by one factor are nearly the radial law.
+        is_other: |n| (n[0] - n[1]).abs() < 0.05,
+        steps: &[[0.05, 0.4]; 2],
+        of_point: Some(|n, p, _| p * DVec2::new(1.0 + n[0] * p.x * p.x, 1.0 + n[1] * p.y * p.y)),
         ..OF_PLACES
     },
     Law {
@@ -783,6 +802,10 @@ mod tests {
         assert_eq!(sheared.given.as_deref(), Some(&[capture.laser.clone(), capture.sensor.clone()]));
         let sides = named("sides").undone(&capture, &setting, &[0.1, -0.2]);
         assert!(sides.laser[0].distance(dvec3(1.1 * at.x + 3.0, 0.8 * at.y, 0.0)) < 1e-12);
+        let by_angles = named("angles").undone(&capture, &setting, &[0.1, -0.2]);
+        let [x, y] = [at.x / half, at.y / half];
+        let there = dvec3(at.x * (1.0 + 0.1 * x * x) + 3.0, at.y * (1.0 - 0.2 * y * y), 0.0);
+        assert!(by_angles.laser[0].distance(there) < 1e-12);
         let farther = named("radial").undone(&capture, &setting, &[0.1]);
         let edge = capture.laser[8] - dvec3(3.0, 0.0, 0.0);
         let out = 1.0 + 0.1 * (edge / half).truncate().length_squared();

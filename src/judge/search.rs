@@ -8,7 +8,7 @@ use std::time::Instant;
 use glam::{DMat3, DVec3};
 use thirdbounce_base::minimise::simplex;
 
-use super::correction::{Law, LawScan, Proposed};
+use super::correction::{LAWS, Law, LawScan, Proposed};
 use super::decide::{CaptureFinding, EvidenceGate, FindingSource};
 use super::estimates::Estimates;
 use super::job::Job;
@@ -259,6 +259,13 @@ fn searched(job: &Job<'_>, gpu: &Gpu, hear: &mut OnProgress<'_>) -> Result<Optio
         if found.first().is_some_and(is_settled) {
             break;
         }
+    }
+    if found.first().is_some_and(|best| !best.passes(best.law.gate)) {
+        for law in LAWS.iter().filter(|law| law.proposed == Proposed::Last) {
+            let proposal = Proposal { law, starts: (law.starts)(&trials.scan), is_far: false };
+            found.extend(trials.minimised(&proposal)?.filter(|tried| tried.passes(EvidenceGate::PROMISING)));
+        }
+        found.sort_by(TriedLaw::compared);
     }
     let Some(first) = found.first() else { return Ok(None) };
     if trials.leaves_less_both_ways(first)? || !trials.fit_whole()? {
