@@ -100,5 +100,6 @@ fn faults_that_no_law_mirrors_are_rarely_silent() {
     }
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/results/unmirrored.tsv");
     std::fs::write(path, table).unwrap();
-    assert!(silent * 6 <= rows, "{silent} of {rows}");
+    // A wall that bulges and time zero by temperature leave no more light than a proper capture does.
+    assert!(silent * 4 <= rows, "{silent} of {rows}");
 }
