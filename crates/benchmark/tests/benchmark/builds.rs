@@ -223,7 +223,7 @@ fn the_stored_benchmark_is_of_this_build() {
 fn pages_show_the_stored_benchmark() {
     let page: Page = read_json(&pages::root().join(pages::STORED)).expect("the stored benchmark");
     let cases = page.compared();
-    assert!(cases.len() == 6 && !page.stability.is_empty());
+    assert!(cases.len() == 8 && !page.stability.is_empty());
     for part in pages::parts(&page) {
         let text = std::fs::read_to_string(pages::root().join(part.file)).expect("a page");
         let (_, found) = pages::replaced(&text, &part).expect("its comments");
