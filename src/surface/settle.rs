@@ -82,6 +82,7 @@ fn plates(fit: &mut Fit, layer: &Maps, maps: &Maps, best: Left) -> Result<Option
         let [mut of_fit, mut shown] = [layer, maps].map(Maps::clone);
         for pixel in (0..mask.len()).filter(|pixel| !mask[*pixel]) {
             (of_fit.depth[pixel], of_fit.albedo[pixel]) = (f32::NAN, 0.0);
+            shown.albedo[pixel] = 0.0;
         }
         shown.mask = mask;
         let parts = support::objects_of(&shown);
