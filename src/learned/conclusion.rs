@@ -64,13 +64,20 @@ impl Conclusion {
         let both: Vec<f32> = both.collect();
         let least = best_threshold(&both).max(LEAST);
         let mask: Vec<bool> = both.iter().map(|p| *p >= least).collect();
-        let inside = mask.iter().filter(|m| **m).count() as f64;
-        let sums = self.probability().iter().zip(&mask).fold([0.0; 2], |[inside, outside], (p, m)| match m {
+        let promised = promised_iou(&mask, &self.probability());
+        (mask, promised)
+    }
+}
+
+/// The share of the union of a mask and the true one that both have, as probabilities of pixels promise it; 0 without a mask.
+pub fn promised_iou(mask: &[bool], probability: &[f32]) -> f64 {
+    let count = mask.iter().filter(|m| **m).count() as f64;
+    let [inside, outside] =
+        probability.iter().zip(mask).fold([0.0; 2], |[inside, outside], (p, m)| match m {
             true => [inside + f64::from(*p), outside],
             false => [inside, outside + f64::from(*p)],
         });
-        (mask, if inside > 0.0 { sums[0] / (inside + sums[1]) } else { 0.0 })
-    }
+    if count > 0.0 { inside / (count + outside) } else { 0.0 }
 }
 
 fn sigmoid(logit: f32) -> f32 {
@@ -136,6 +143,14 @@ fn best_threshold(probability: &[f32]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_mask_promises_less_with_unlikely_pixels_and_without_likely_ones() {
+        let probability = [0.9, 0.9, 0.4, 0.1];
+        let of = |count: usize| promised_iou(&[0, 1, 2, 3].map(|at| at < count), &probability);
+        assert!((of(2) - 1.8 / 2.5).abs() < 1e-6, "{}", of(2));
+        assert!(of(2) > of(1) && of(2) > of(3) && of(3) > of(4));
+    }
 
     #[test]
     fn the_threshold_is_that_of_the_largest_expected_share() {

@@ -27,7 +27,7 @@ mod sizes;
 mod tensor;
 
 pub(super) use bands::Bands;
-pub use conclusion::{Conclusion, PIXELS};
+pub use conclusion::{Conclusion, PIXELS, promised_iou};
 use device::answer_on;
 pub use device::{LearnedScan, logits_on};
 pub(super) use expectation::expected_iou;
@@ -112,11 +112,8 @@ impl LearnedStart {
 
     /// The share of the union of its mask and the true one that both have, as it expects.
     pub fn expected_iou(&self) -> f64 {
-        let [both, one] = self.mask.iter().fold([0.0f64; 2], |[both, one], p| {
-            let p = f64::from(*p);
-            if p > 0.5 { [both + p, one + 1.0] } else { [both, one + p] }
-        });
-        if one > 0.0 { both / one } else { 0.0 }
+        let is_surface: Vec<bool> = self.mask.iter().map(|p| *p > 0.5).collect();
+        promised_iou(&is_surface, &self.mask)
     }
 
     /// The surface on the pixels of a grid, with albedo 1: all pixels of at least a probability.

@@ -6,6 +6,7 @@ use super::fit::Fit;
 use super::held_out::Left;
 use super::support;
 use crate::Result;
+use crate::learned::promised_iou;
 use crate::maps::Maps;
 
 /// Evidence: benches/NOTES.md, "Smoothness by held-out pairs".
@@ -68,15 +69,15 @@ pub(super) fn settle(fit: &mut Fit, layer: &Maps, maps: &mut Maps) -> Result<()>
     Ok(())
 }
 
-/// Flat parts of one albedo each, with the largest mask that no smaller one contradicts: in dim light the last word draws too much, and the fit bends away what has
-/// no light. `None` if another surface leaves clearly less.
+/// Flat parts of one albedo each, with the largest mask that no smaller one contradicts: in dim light the last word draws too much, and the
+/// fit bends away what has no light. `None` if another surface leaves clearly less.
 fn plates(fit: &mut Fit, layer: &Maps, maps: &Maps, best: Left) -> Result<Option<Maps>> {
     let Some(probability) = maps.probability.as_ref() else { return Ok(None) };
-    let whole = expected_iou(&maps.mask, probability);
+    let whole = promised_iou(&maps.mask, probability);
     let mut found: Option<(Left, Maps)> = None;
     for least in PLATES {
         let mask: Vec<bool> = maps.mask.iter().zip(probability).map(|(m, p)| *m && *p >= least).collect();
-        if expected_iou(&mask, probability) < LIKELY * whole {
+        if promised_iou(&mask, probability) < LIKELY * whole {
             break;
         }
         let [mut of_fit, mut shown] = [layer, maps].map(Maps::clone);
@@ -100,16 +101,6 @@ fn plates(fit: &mut Fit, layer: &Maps, maps: &Maps, best: Left) -> Result<Option
         }
     }
     Ok(found.filter(|(left, _)| left.errors_below(&best) >= -ERRORS).map(|(_, plates)| plates))
-}
-
-/// What the probabilities of pixels promise of a mask: its share of surface over what mask and surface cover together, as means.
-fn expected_iou(mask: &[bool], probability: &[f32]) -> f64 {
-    let [mut shared, mut all] = [0.0, f64::MIN_POSITIVE];
-    for (is_in, p) in mask.iter().zip(probability) {
-        let p = f64::from(*p);
-        (shared, all) = if *is_in { (shared + p, all + 1.0) } else { (shared, all + p) };
-    }
-    shared / all
 }
 
 /// The factor of a layer's albedos that suits the pairs that are held out, and what it leaves of them: another shape sends another share of
@@ -244,14 +235,6 @@ mod tests {
         assert!(part.iter().all(|p| (plane.albedo[*p] - 1.0).abs() < 1e-6));
         let outside = (0..N * N).filter(|p| !part.contains(p));
         assert!(outside.into_iter().all(|p| plane.albedo[p] == 0.0 && plane.depth[p].is_nan()));
-    }
-
-    #[test]
-    fn a_mask_promises_less_with_unlikely_pixels_and_without_likely_ones() {
-        let probability = [0.9, 0.9, 0.4, 0.1];
-        let of = |count: usize| expected_iou(&[0, 1, 2, 3].map(|at| at < count), &probability);
-        assert!((of(2) - 1.8 / 2.5).abs() < 1e-6, "{}", of(2));
-        assert!(of(2) > of(1) && of(2) > of(3) && of(3) > of(4));
     }
 
     #[test]
