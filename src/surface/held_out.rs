@@ -158,15 +158,37 @@ impl HeldOut {
 
     /// The factor of the rendered light that suits the measured one best, and what is left with it.
     pub fn scaled(&self) -> (f64, Left) {
-        let [rendered, measured] = self.sides();
+        let (factors, left) = HeldOut::mixed(&[self]);
+        (factors[0], left)
+    }
+
+    /// The factors of what one surface or two show of the same pairs that together suit the measured light best, and what is left with them.
+    pub fn mixed(shown: &[&HeldOut]) -> (Vec<f64>, Left) {
         let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let factor = product(&rendered, &measured) / product(&rendered, &rendered).max(f64::MIN_POSITIVE);
-        let of_pair = |(rendered, measured): (&[f64], &[f64])| {
-            let difference: Vec<f64> = rendered.iter().zip(measured).map(|(r, m)| factor * r - m).collect();
-            [product(&difference, &difference), product(measured, measured)]
+        let first = shown[0];
+        let measured = first.weighted(&first.rows[1]);
+        let rendered: Vec<Vec<f64>> = shown.iter().map(|of| of.sides()).map(|[of, _]| of).collect();
+        let factors = match &rendered[..] {
+            [a] => vec![product(a, &measured) / product(a, a).max(f64::MIN_POSITIVE)],
+            [a, b, ..] => {
+                let [aa, ab, bb] = [product(a, a), product(a, b), product(b, b)];
+                let [am, bm] = [product(a, &measured), product(b, &measured)];
+                let determinant = (aa * bb - ab * ab).max(f64::MIN_POSITIVE);
+                vec![(bb * am - ab * bm) / determinant, (aa * bm - ab * am) / determinant]
+            }
+            [] => vec![],
         };
-        let rows = rendered.chunks(self.bins()).zip(measured.chunks(self.bins()));
-        (factor, self.left_with(rows.map(of_pair).collect()))
+        let bins = first.bins();
+        let of_pair = |pair: usize| {
+            let of_bin = |i: usize| {
+                let light: f64 = rendered.iter().zip(&factors).map(|(of, factor)| factor * of[i]).sum();
+                (light - measured[i]).powi(2)
+            };
+            let row = pair * bins..(pair + 1) * bins;
+            [row.clone().map(of_bin).sum(), row.map(|i| measured[i] * measured[i]).sum()]
+        };
+        let left = first.left_with((0..measured.len() / bins).map(of_pair).collect());
+        (factors, left)
     }
 
     /// Squared differences of each pair in counts, as the objective weighs them: of versions of a capture that differ by light.
@@ -278,6 +300,35 @@ mod tests {
     /// What is left of each pair, of squares of 100.
     fn left(pairs: impl IntoIterator<Item = f64>) -> Left {
         Left { pairs: pairs.into_iter().map(|p| [p, 100.0]).collect(), noise: 0.0 }
+    }
+
+    #[test]
+    fn factors_of_two_surfaces_are_those_of_their_light() {
+        // Two pairs of two bins: measured is 3 times the first surface's light and 2 times the second's.
+        let shown = |rendered: [f64; 4]| {
+            let measured = [3.0, 5.0, 0.0, 4.0];
+            let differences = rendered.iter().zip(measured).map(|(r, m)| r - m).collect();
+            HeldOut {
+                pairs: vec![0, 1],
+                rows: [differences, measured.to_vec()],
+                paths: vec![1.0; 2],
+                variances: vec![0.0; 2],
+                bin_width: 1.0,
+                high_pass: None,
+                counts_per_unit: 1.0,
+                power: 2,
+            }
+        };
+        let (first, second) = (shown([1.0, 1.0, 0.0, 0.0]), shown([0.0, 1.0, 0.0, 2.0]));
+        let (factors, left) = HeldOut::mixed(&[&first, &second]);
+        assert!((factors[0] - 3.0).abs() < 1e-12 && (factors[1] - 2.0).abs() < 1e-12, "{factors:?}");
+        assert!(left.share() < 1e-20);
+        // Alone: 8 of 2 squares, and what is left is 2 (1 and 1) and 16 of 50.
+        let (factor, left) = first.scaled();
+        assert!(
+            (factor - 4.0).abs() < 1e-12 && (left.share() - 18.0 / 50.0).abs() < 1e-12,
+            "{factor} {left:?}"
+        );
     }
 
     #[test]

@@ -38,6 +38,7 @@ mod needs;
 mod options;
 pub mod passes;
 mod pixels;
+mod plates;
 mod rounds;
 mod schedule;
 mod settle;

@@ -4,30 +4,26 @@
 
 use super::fit::Fit;
 use super::held_out::Left;
+use super::plates::plates;
 use super::support;
 use crate::Result;
-use crate::learned::promised_iou;
 use crate::maps::Maps;
 
 /// Evidence: benches/NOTES.md, "Smoothness by held-out pairs".
 mod constants {
     /// Widths of Gaussian windows as shares of the maps' width; beyond the last one a part is a plane, of one albedo.
     pub const WIDTHS: [f64; 4] = [1.0 / 128.0, 1.0 / 64.0, 1.0 / 32.0, 1.0 / 16.0];
-    /// Standard errors of the difference by which a smoother surface may leave more than the best one, and smaller plates must leave less.
+    /// Standard errors of the difference by which a smoother surface may leave more than the best one.
     pub const ERRORS: f64 = 1.0;
     /// Parts that are judged one by one, the largest; smaller ones stay as the fit left them.
     pub const PARTS: usize = 4;
-    /// The least pixels of a part.
-    pub const LEAST: usize = 16;
-    /// Probabilities from which on pixels of the mask are plates, and their least expected IoU over that of the whole mask.
-    pub const PLATES: [f32; 6] = [0.0, 0.5, 0.6, 0.7, 0.8, 0.9];
-    pub const LIKELY: f64 = 0.85;
-    /// Plates that leave more than the best surface by these standard errors are followed by no smaller ones.
-    pub const HOPELESS: f64 = 6.0;
     /// A variance of places that is added to that of a window, squared pixels, so that few pixels have no steep plane.
     pub const STIFF: f64 = 0.05;
 }
 use constants::*;
+
+/// The least pixels of a part.
+pub(super) const LEAST: usize = 16;
 
 /// Makes the parts of the mask of `maps` smoother while held-out pairs do not contradict: in the `layer` that `fit` has fitted, and in
 /// the maps that show it.
@@ -63,59 +59,30 @@ pub(super) fn settle(fit: &mut Fit, layer: &Maps, maps: &mut Maps) -> Result<()>
             }
         }
     }
-    if let Some(plates) = plates(fit, &layer, maps, best)? {
+    if let Some(plates) = plates(fit, &layer, maps, &best)? {
         *maps = plates;
     }
     Ok(())
 }
 
-/// Flat parts of one albedo each, with the largest mask that no smaller one contradicts: in dim light the last word draws too much, and the
-/// fit bends away what has no light. `None` if another surface leaves clearly less.
-fn plates(fit: &mut Fit, layer: &Maps, maps: &Maps, best: Left) -> Result<Option<Maps>> {
-    let Some(probability) = maps.probability.as_ref() else { return Ok(None) };
-    let whole = promised_iou(&maps.mask, probability);
-    let mut found: Option<(Left, Maps)> = None;
-    for least in PLATES {
-        let mask: Vec<bool> = maps.mask.iter().zip(probability).map(|(m, p)| *m && *p >= least).collect();
-        if promised_iou(&mask, probability) < LIKELY * whole {
-            break;
-        }
-        let [mut of_fit, mut shown] = [layer, maps].map(Maps::clone);
-        for pixel in (0..mask.len()).filter(|pixel| !mask[*pixel]) {
-            (of_fit.depth[pixel], of_fit.albedo[pixel]) = (f32::NAN, 0.0);
-            shown.albedo[pixel] = 0.0;
-        }
-        shown.mask = mask;
-        let parts = support::objects_of(&shown);
-        for part in parts.iter().filter(|part| part.len() >= LEAST) {
-            [of_fit, shown] = [of_fit, shown].map(|of| smoothed(&of, part, Some(None), None));
-        }
-        let Some((factor, left)) = scaled_left(fit, &of_fit)? else { break };
-        scale(&mut shown, factor);
-        let is_hopeless = left.errors_below(&best) < -HOPELESS;
-        if found.as_ref().is_none_or(|(larger, _)| left.errors_below(larger) > ERRORS) {
-            found = Some((left, shown));
-        }
-        if is_hopeless {
-            break;
-        }
-    }
-    Ok(found.filter(|(left, _)| left.errors_below(&best) >= -ERRORS).map(|(_, plates)| plates))
-}
-
 /// The factor of a layer's albedos that suits the pairs that are held out, and what it leaves of them: another shape sends another share of
 /// the light to the wall.
-fn scaled_left(fit: &mut Fit, layer: &Maps) -> Result<Option<(f64, Left)>> {
+pub(super) fn scaled_left(fit: &mut Fit, layer: &Maps) -> Result<Option<(f64, Left)>> {
     Ok(fit.rendered(std::slice::from_ref(layer))?.map(|held| held.scaled()))
 }
 
-fn scale(maps: &mut Maps, factor: f64) {
+pub(super) fn scale(maps: &mut Maps, factor: f64) {
     maps.albedo.iter_mut().for_each(|albedo| *albedo *= factor as f32);
 }
 
 /// The maps with a smooth `part`: its depths are those of planes fitted within a Gaussian window, of one plane without a window, and its
 /// albedos means within another. `None` leaves depths as they are. Pixels without a surface stay so.
-fn smoothed(maps: &Maps, part: &[usize], depths: Option<Option<f64>>, albedos: Option<f64>) -> Maps {
+pub(super) fn smoothed(
+    maps: &Maps,
+    part: &[usize],
+    depths: Option<Option<f64>>,
+    albedos: Option<f64>,
+) -> Maps {
     let mut to = maps.clone();
     let size = [maps.nx, maps.ny];
     let there: Vec<usize> = part.iter().copied().filter(|p| maps.depth[*p].is_finite()).collect();
@@ -179,7 +146,7 @@ fn smoothed(maps: &Maps, part: &[usize], depths: Option<Option<f64>>, albedos: O
 }
 
 /// Values averaged by a Gaussian of `sigma` pixels; nothing beyond the borders.
-fn blurred(values: &[f64], [nx, ny]: [usize; 2], sigma: f64) -> Vec<f64> {
+pub(super) fn blurred(values: &[f64], [nx, ny]: [usize; 2], sigma: f64) -> Vec<f64> {
     let reach = (3.0 * sigma).ceil() as usize;
     let taps: Vec<f64> = (0..=reach).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp()).collect();
     let along = |from: &[f64], count: usize, stride: usize| -> Vec<f64> {

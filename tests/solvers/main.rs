@@ -15,6 +15,7 @@ mod paper;
 mod paper_room;
 mod physics;
 mod places;
+mod plates;
 mod published;
 mod scale;
 mod session;

@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use fixtures::captures::changed;
 use fixtures::device::*;
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 use thirdbounce::Grade;
@@ -41,15 +41,29 @@ fn jittery(c: &Capture, seed: u64) -> Capture {
     })
 }
 
+/// A clock whose every second bin is wider: a photon of the bin before it in five is counted there.
+fn uneven(c: &Capture, seed: u64) -> Capture {
+    let mut random = Pcg64::seed_from_u64(seed);
+    changed(c, |to| {
+        for pair in to.histograms.chunks_mut(c.bins) {
+            for bins in pair.chunks_exact_mut(2) {
+                let moved = (0..bins[0] as usize).filter(|_| random.random_bool(0.2)).count() as f32;
+                bins[0] -= moved;
+                bins[1] += moved;
+            }
+        }
+    })
+}
+
 const FAULTS: [Fault; 12] = [
-    ("a mirror with a cubic term", |c, _| placed(c, |[x, y]| [x + 0.12 * x.powi(3), y])),
+    ("a screw with a periodic error of 1.5 cm", |c, _| {
+        placed(c, |[x, y]| [x + 0.015 * (TAU * x / 0.3).sin(), y + 0.015 * (TAU * y / 0.3).sin()])
+    }),
     ("a mount that vibrates", |c, _| {
         placed_by(c, |pair, [x, y]| [x + 0.04 * (TAU * pair as f64 / 7.3).sin(), y])
     }),
     ("a laser that warms up", |c, s| weighed(c, s, |p| 1.0 - 0.6 * (-6.0 * done(c, p)).exp())),
-    ("gain by the temperature of the sensor", |c, s| {
-        weighed(c, s, |p| 1.0 + 0.3 * (TAU * 1.7 * done(c, p)).sin())
-    }),
+    ("every second bin wider by a fifth of the one before", uneven),
     ("time zero by temperature", |c, s| {
         delayed(c, s, |p| 200.0 * METRES_PER_PICOSECOND * (1.0 - (-4.0 * done(c, p)).exp()))
     }),
