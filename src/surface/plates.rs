@@ -57,7 +57,7 @@ pub(super) fn plates(fit: &mut Fit, layer: &Maps, maps: &Maps, best: &Left) -> R
     let Some(mut plates) = by_probability(fit, layer, maps, probability, best)? else { return Ok(None) };
     if plates.left.errors_below(best) >= -HOPELESS {
         let by_light = by_light(fit, &plates, probability)?;
-        plates = by_light.filter(|of| of.left.errors_below(&plates.left) > 0.0).unwrap_or(plates);
+        plates = by_light.filter(|of| of.left.errors_below(&plates.left) > ERRORS).unwrap_or(plates);
     }
     Ok(Some(plates).filter(|of| of.left.errors_below(best) >= -ERRORS).map(|of| of.shown))
 }
