@@ -18,6 +18,8 @@ mod constants {
     pub const ERRORS: f64 = 1.0;
     /// Plates that leave more than another surface by these are followed by no others.
     pub const HOPELESS: f64 = 6.0;
+    /// A part that is this flat, in pixels off its plane, is looked at whatever plates of one albedo leave.
+    pub const FLAT: f64 = 2.0;
     /// The fit on a plane: of a rectangle around pixels of this probability and a margin, a share of the maps' width, with this share of the
     /// plates' albedo where these are not.
     pub const AROUND: f32 = 0.05;
@@ -36,7 +38,7 @@ mod constants {
     pub const DETAIL: f64 = 1.0 / 40.0;
     pub const GAP: f64 = 0.7;
     /// It must leave less than the plate alone by these standard errors, and send back this share of the plate's light, pixel by pixel.
-    pub const PRINT_ERRORS: f64 = 3.0;
+    pub const PRINT_ERRORS: f64 = 2.5;
     pub const DARKEST: f64 = 0.05;
 }
 use constants::*;
@@ -48,6 +50,19 @@ struct Plates {
     shown: Maps,
 }
 
+impl Plates {
+    /// Whether the largest one lies in its plane in `layer`, too, which may have several albedos there.
+    fn are_flat(&self, layer: &Maps) -> bool {
+        let parts = support::objects_of(&self.shown);
+        let Some(part) = parts.iter().max_by_key(|part| part.len()) else { return false };
+        let off = |p: &usize| f64::from(layer.depth[*p] - self.fitted.depth[*p]).powi(2);
+        let squares: Vec<f64> = part.iter().map(off).filter(|square| square.is_finite()).collect();
+        let [px, py] = support::pixel_pitch(layer);
+        let off = (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt();
+        off < FLAT * f64::from(px.max(py))
+    }
+}
+
 /// The maps as flat parts, if no other surface leaves clearly less than they do; `best` is what `maps`, shown of the fit's `layer`, leave.
 ///
 /// # Errors
@@ -55,7 +70,7 @@ struct Plates {
 pub(super) fn plates(fit: &mut Fit, layer: &Maps, maps: &Maps, best: &Left) -> Result<Option<Maps>> {
     let Some(probability) = &maps.probability else { return Ok(None) };
     let Some(mut plates) = by_probability(fit, layer, maps, probability, best)? else { return Ok(None) };
-    if plates.left.errors_below(best) >= -HOPELESS {
+    if plates.left.errors_below(best) >= -HOPELESS || plates.are_flat(layer) {
         let by_light = by_light(fit, &plates, probability)?;
         plates = by_light.filter(|of| of.left.errors_below(&plates.left) > ERRORS).unwrap_or(plates);
     }
@@ -103,10 +118,11 @@ fn by_probability(
 /// Plates on the plane of the largest one: a fit on all of that plane around them shows where it is bright, where darker, and where it ends.
 fn by_light(fit: &mut Fit, plates: &Plates, probability: &[f32]) -> Result<Option<Plates>> {
     let Some(plane) = Plane::of(plates, probability) else { return Ok(None) };
-    let known = &plates.fitted.albedo;
-    let begun =
-        |p: usize| if plates.shown.mask[p] && known[p] > 0.0 { known[p] } else { BEGINS * plane.albedo };
-    let mut layers = [plane.maps(&|p| if plane.is_on[p] { begun(p) } else { 0.0 })];
+    // Other parts may be what the last word has seen of print: they would keep the light of all of it.
+    let mut begun: Vec<f32> =
+        plane.is_on.iter().map(|on| if *on { BEGINS * plane.albedo } else { 0.0 }).collect();
+    plane.plate.iter().for_each(|p| begun[*p] = plane.albedo);
+    let mut layers = [plane.maps(&|p| begun[p])];
     fit.step = 1.0;
     fit.begin(&layers, Run { known: Some(LEVEL), ..Run::of(ITERATIONS, ITERATIONS) }, 0)?;
     if fit.end(&mut layers)?.is_none() {
