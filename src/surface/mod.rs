@@ -42,6 +42,7 @@ mod plates;
 mod rounds;
 mod schedule;
 mod settle;
+mod smooth;
 pub(crate) mod start;
 pub(crate) mod support;
 mod weights;

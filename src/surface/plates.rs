@@ -3,7 +3,7 @@
 
 use super::fit::{Fit, Run};
 use super::held_out::{HeldOut, Left};
-use super::settle::{LEAST, blurred, scale, scaled_left, smoothed};
+use super::smooth::{LEAST, blurred, scale, scaled_left, smoothed};
 use super::support;
 use crate::Result;
 use crate::learned::promised_iou;
