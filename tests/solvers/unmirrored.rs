@@ -115,5 +115,5 @@ fn faults_that_no_law_mirrors_are_rarely_silent() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/results/unmirrored.tsv");
     std::fs::write(path, table).unwrap();
     // A wall that bulges and time zero by temperature leave no more light than a proper capture does.
-    assert!(silent * 4 <= rows, "{silent} of {rows}");
+    assert!(silent * 6 <= rows, "{silent} of {rows}");
 }
