@@ -99,8 +99,12 @@ impl HeldOut {
 
     /// What is rendered, and what is measured, as the objective weighs it.
     pub fn sides(&self) -> [Vec<f64>; 2] {
+        [self.rendered(), self.weighted(&self.rows[1])]
+    }
+
+    fn rendered(&self) -> Vec<f64> {
         let rendered: Vec<f64> = self.rows[0].iter().zip(&self.rows[1]).map(|(d, m)| m + d).collect();
-        [&rendered, &self.rows[1]].map(|rows| self.weighted(rows))
+        self.weighted(&rendered)
     }
 
     /// What is rendered of every `step`th pair, late by each of these lags in bins, and what is measured, as the objective weighs it.
@@ -167,7 +171,7 @@ impl HeldOut {
         let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let first = shown[0];
         let measured = first.weighted(&first.rows[1]);
-        let rendered: Vec<Vec<f64>> = shown.iter().map(|of| of.sides()).map(|[of, _]| of).collect();
+        let rendered: Vec<Vec<f64>> = shown.iter().map(|of| of.rendered()).collect();
         let factors = match &rendered[..] {
             [a] => vec![product(a, &measured) / product(a, a).max(f64::MIN_POSITIVE)],
             [a, b, ..] => {
