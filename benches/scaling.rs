@@ -91,7 +91,7 @@ fn start(side: usize) {
     let capture = simulate(&scene, &RenderOptions::default()).expect("the scene renders").capture;
     let time = || {
         let begun = Instant::now();
-        LearnedStart::on_host(&capture).expect("pairs can be chosen").expect("enough pairs");
+        LearnedStart::on_host(&capture, None).expect("pairs can be chosen").expect("enough pairs");
         1e3 * begun.elapsed().as_secs_f64()
     };
     let least = (0..15).map(|_| time()).fold(f64::INFINITY, f64::min);

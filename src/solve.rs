@@ -50,6 +50,7 @@ pub fn resolve<'c>(gpu: &Gpu, job: Job<'c>, hear: &mut OnProgress<'_>) -> Result
     job.check()?;
     let job = judge::given(job, gpu, hear)?; // undone: the empty room, a calibration, the gain of a device near the wall
     let job = judge::estimate(job, gpu, hear)?; // what the network sees, high-pass, reflectance, impulse response
+    let job = judge::widened(job, gpu, hear)?; // a wider box where objects reach beyond the scanned part of the wall
     let mut job = judge::corrected(job, gpu, hear)?; // undone: what a search finds and held-out pairs confirm
     job.verdict = Arc::new(judge::verdict(&job.estimates));
     job.settle()?.summed()

@@ -37,6 +37,8 @@ impl EvidenceGate {
     pub const STEP: EvidenceGate = EvidenceGate { factor: 0.98, errors: 1.5 };
     /// A start with what a light-cone transform shows beside the network.
     pub const UNION: EvidenceGate = EvidenceGate { factor: 0.85, errors: 3.0 };
+    /// A box that is wider than the wall.
+    pub const WIDER: EvidenceGate = EvidenceGate { factor: 0.9, errors: 3.0 };
     /// A model of reflectance in place of one of another falloff.
     pub const OTHER_FALLOFF: EvidenceGate = EvidenceGate { factor: 0.94, errors: 2.0 };
     /// An impulse response by samples in place of the best shape.

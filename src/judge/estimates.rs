@@ -49,6 +49,8 @@ pub struct Estimates {
     pub finds_none: bool,
     /// Whether the fits begin with what the network and a light-cone transform show together.
     pub is_union: bool,
+    /// Width of the box in walls, where held-out pairs want a wider one than the wall.
+    pub walls: Option<f64>,
     /// Layers of the surface that the fits found, and of its start, on coarse pixels.
     pub(crate) begun: Option<Begun>,
 }
@@ -78,7 +80,14 @@ impl Estimates {
                  closed form)"
             )
         });
+        let wide = self.walls.map(|walls| {
+            format!(
+                "objects reach beyond the scanned part of the wall: the box is {walls:.2} walls wide, which leaves less of pairs that no \
+                 fit has seen (give the volume for another one)"
+            )
+        });
         let physics = [
+            wide,
             start,
             self.high_pass.as_ref().map(FoundHighPass::note),
             self.model.as_ref().map(FoundModel::note),

@@ -128,8 +128,9 @@ impl<'c> Job<'c> {
 
     /// The job of a corrected capture, which knows what was found in the other one.
     pub fn again<'d>(&self, capture: Cow<'d, Capture>) -> Job<'d> {
-        let Estimates { findings, seconds, .. } = &self.estimates;
-        let estimates = Estimates { findings: findings.clone(), seconds: *seconds, ..Estimates::default() };
+        let Estimates { findings, seconds, walls, .. } = &self.estimates;
+        let (findings, seconds, walls) = (findings.clone(), *seconds, *walls);
+        let estimates = Estimates { findings, seconds, walls, ..Estimates::default() };
         let (warnings, faults) = (self.warnings.clone(), self.faults.clone());
         Job { estimates, warnings, faults, ..Job::of(&self.settings, capture) }
     }

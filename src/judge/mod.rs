@@ -15,6 +15,7 @@ mod response;
 mod search;
 mod trial;
 mod verdict;
+mod wider;
 
 pub use decide::{CaptureFinding, FindingSource};
 pub use estimates::{EstimateSeconds, Estimates, FindPulse, FoundPulse, MODELS};
@@ -23,3 +24,4 @@ pub use job::{Job, preset_for};
 pub use physics::estimate;
 pub use search::corrected;
 pub use verdict::{as_result, conclude, grade, verdict, with_maps};
+pub use wider::widened;

@@ -13,7 +13,7 @@ use super::estimates::{
 use super::job::Job;
 use super::pulse::{self, Shape};
 use super::response::{self, Response, ResponseSamples};
-use super::trial::{Fitted, From, ITERATIONS, Trial, fit_all};
+use super::trial::{Fitted, From, ITERATIONS, LATERAL, Trial, fit_all};
 use crate::capture::{Capture, Pulse};
 use crate::engine::{Doing, OnProgress, Progress, TracePoint, Watch};
 use crate::gpu::Gpu;
@@ -47,10 +47,10 @@ const FIRST: [Reflectance; 4] =
 /// and sharp paths stay, and the solve itself reports the cause.
 pub fn estimate<'c>(mut job: Job<'c>, gpu: &Gpu, hear: &mut OnProgress<'_>) -> Result<Job<'c>> {
     if job.has_light() {
-        let Estimates { findings, seconds, .. } = std::mem::take(&mut job.estimates);
+        let Estimates { findings, seconds, walls, .. } = std::mem::take(&mut job.estimates);
         let found = found(&job, gpu, hear)?;
         let stages = EstimateSeconds { search: seconds, ..found.stages };
-        job.estimates = Estimates { findings, seconds: seconds + found.seconds, stages, ..found };
+        job.estimates = Estimates { findings, walls, seconds: seconds + found.seconds, stages, ..found };
     }
     Ok(job)
 }
@@ -193,7 +193,7 @@ impl<'t> Physics<'t> {
         let expected = fits * From::Start.iterations() + pulse;
         let pace = FitProgress { begun: Instant::now(), done: 0, expected };
         let begins = &mut |p: &Progress| hear(&pace.of(&Progress { iterations: 0, ..p.clone() }));
-        let trials = Trial::of_models(job, all, gpu, &mut Watch::of(begins))?;
+        let trials = Trial::of_models(job, all, LATERAL, gpu, &mut Watch::of(begins))?;
         let (capture, bin_width) = (&*job.capture, trials[0].capture().bin_width);
         let of_solve = job.settings.sum(&job.solver, &capture.outline()) as f64 * capture.bin_width;
         let mut found = Estimates::default();

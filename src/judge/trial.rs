@@ -27,7 +27,7 @@ const LEAST_PAIRS: usize = 16;
 /// Pairs that a fit takes at least.
 pub const PAIRS: usize = 512;
 /// Lateral pixels of a fit.
-const LATERAL: usize = 64;
+pub const LATERAL: usize = 64;
 /// Rounds of the support of a fit from the start.
 const ROUNDS: usize = 3;
 /// Iterations of a round, and of the fit after the rounds or with another impulse response.
@@ -53,13 +53,14 @@ fn quick(options: &SolverOptions, pixels: usize) -> SurfaceOptions {
     })
 }
 
-/// The capture of a job in the bins of short fits, their grid, and their options.
+/// The capture of a job in the bins of short fits of so many lateral pixels, their grid, and their options.
 ///
 /// # Errors
 /// Too few pairs, or a box that the capture does not allow.
 fn for_fits<'j>(
     job: &'j Job<'_>,
     solver: &SolverOptions,
+    pixels: usize,
 ) -> Result<(Cow<'j, Capture>, Grid, SurfaceOptions)> {
     let (capture, settings) = (&*job.capture, &job.settings);
     if capture.pair_count() / 2 < LEAST_PAIRS {
@@ -68,7 +69,7 @@ fn for_fits<'j>(
             "name the model and the impulse response if known",
         ));
     }
-    let options = quick(solver, job.solver.common().lateral.min(LATERAL));
+    let options = quick(solver, job.solver.common().lateral.min(pixels));
     let solver: SolverOptions = options.clone().into();
     let volume = settings.volume.map_or_else(|| solver.default_volume(capture), Ok)?;
     let of_trial = Settings { volume: Some(volume), bins: settings.bins, ..Settings::default() };
@@ -303,17 +304,18 @@ pub(crate) fn fit_all(
 }
 
 impl<'c> Trial<'c> {
-    /// Fits of the job's capture by these models, from what the network or a closed form sees.
+    /// Fits of the job's capture by these models with so many lateral pixels, from what the network or a closed form sees.
     ///
     /// # Errors
     /// Too few pairs, or a box that the capture does not allow; the device fails, or the watch cancels.
     pub fn of_models(
         job: &'c Job<'_>,
         models: &[SolverOptions],
+        pixels: usize,
         gpu: &Gpu,
         watch: &mut Watch<'_>,
     ) -> Result<Vec<Trial<'c>>> {
-        let (whole, grid, options) = for_fits(job, &models[0])?;
+        let (whole, grid, options) = for_fits(job, &models[0], pixels)?;
         let problem = Problem { memory: job.settings.memory, ..Problem::new(&whole, grid) };
         let starts = Arc::new(Starts::of(gpu, [&job.capture, &whole], &problem, &options, watch)?);
         let capture = Arc::new(whole);
@@ -496,7 +498,7 @@ impl<'j> Trials<'j> {
     ) -> Result<Option<Trials<'j>>> {
         let (solver, pulse) = job.estimated()?;
         let pulse = pulse.or(job.capture.pulse.clone());
-        let (mut whole, grid, options) = for_fits(job, &solver)?;
+        let (mut whole, grid, options) = for_fits(job, &solver, LATERAL)?;
         if pulse.is_some() {
             whole.to_mut().pulse.clone_from(&pulse);
         }
@@ -563,7 +565,7 @@ impl<'j> Trials<'j> {
         let undone = self.job.with_capture(Cow::Owned(law.undone(&self.job.capture, &self.scan, numbers)));
         let delays = law.delays(&self.scan, numbers);
         let model = std::slice::from_ref(&undone.solver);
-        let seen = Trial::of_models(&undone, model, self.gpu, &mut Watch::of(self.hear))?.swap_remove(0);
+        let seen = Trial::of_models(&undone, model, LATERAL, self.gpu, &mut Watch::of(self.hear))?.swap_remove(0);
         let begin = FitBegin { delays, ..seen.begin };
         self.tried.retain(|of| !of.is_of(law, numbers));
         let seen = self.beginning_with(begin, |trials| trials.judged(law, numbers))?;

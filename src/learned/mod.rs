@@ -50,6 +50,12 @@ pub const POSSIBLE: f32 = 0.2;
 /// Probability of a surface that the network does not see, but held-out pairs show.
 const SHOWN: f32 = 0.8;
 
+/// Pixels that are no surface to speak of.
+const STRAY: usize = 16;
+
+/// The widest box, walls.
+pub const WIDEST: f64 = 1.5;
+
 /// Voxels on each side of the most probable one that give its depth.
 const AROUND: usize = 2;
 
@@ -67,16 +73,21 @@ pub struct LearnedStart {
 
 impl LearnedStart {
     /// Looks at a capture, which has counts: with kernels, or on the host where these are slower or do not fit. `None`: too few
-    /// pairs. `memory` is a budget in bytes.
+    /// pairs. `extent`: x0, x1, y0, y1 of the maps, metres, if they may reach beyond the wall. `memory` is a budget in bytes.
     ///
     /// # Errors
     /// Pairs cannot be chosen, or the device fails.
-    pub fn of(gpu: &Gpu, capture: &Capture, memory: Option<u64>) -> Result<Option<LearnedStart>> {
+    pub fn of(
+        gpu: &Gpu,
+        capture: &Capture,
+        extent: Option<[f64; 4]>,
+        memory: Option<u64>,
+    ) -> Result<Option<LearnedStart>> {
         if matches!(gpu.info.kind, DeviceKind::Host | DeviceKind::Cpu) {
-            return LearnedStart::on_host(capture);
+            return LearnedStart::on_host(capture, extent);
         }
-        match LearnedStart::on_device(gpu, capture, memory) {
-            Err(e) if e.kind == Kind::Memory => LearnedStart::on_host(capture),
+        match LearnedStart::on_device(gpu, capture, extent, memory) {
+            Err(e) if e.kind == Kind::Memory => LearnedStart::on_host(capture, extent),
             seen => seen,
         }
     }
@@ -85,9 +96,9 @@ impl LearnedStart {
     ///
     /// # Errors
     /// Pairs cannot be chosen.
-    pub fn on_host(capture: &Capture) -> Result<Option<LearnedStart>> {
+    pub fn on_host(capture: &Capture, extent: Option<[f64; 4]>) -> Result<Option<LearnedStart>> {
         let Some(capture) = looked_at(capture)? else { return Ok(None) };
-        let wall = BoxOfWall::of(&capture);
+        let wall = BoxOfWall::of(&capture, extent);
         let Answer { depth, mask } = answer(&Network::trained(), wall.bands(&capture), kind(&capture));
         let voxels = depth.chunks(DEEP).map(index).collect();
         Ok(Some(wall.start(voxels, mask)))
@@ -97,9 +108,14 @@ impl LearnedStart {
     ///
     /// # Errors
     /// Pairs cannot be chosen, or the device or its memory fails.
-    pub fn on_device(gpu: &Gpu, capture: &Capture, memory: Option<u64>) -> Result<Option<LearnedStart>> {
+    pub fn on_device(
+        gpu: &Gpu,
+        capture: &Capture,
+        extent: Option<[f64; 4]>,
+        memory: Option<u64>,
+    ) -> Result<Option<LearnedStart>> {
         let Some(capture) = looked_at(capture)? else { return Ok(None) };
-        let wall = BoxOfWall::of(&capture);
+        let wall = BoxOfWall::of(&capture, extent);
         let scan = LearnedScan {
             pairs: (0..capture.pair_count()).map(|pair| wall.ends(&capture, pair)).collect(),
             counts: &capture.histograms,
@@ -114,6 +130,16 @@ impl LearnedStart {
     pub fn expected_iou(&self) -> f64 {
         let is_surface: Vec<bool> = self.mask.iter().map(|p| *p > 0.5).collect();
         promised_iou(&is_surface, &self.mask)
+    }
+
+    /// How far from the middle of its box surface reaches, in halves of its width; all but the [`STRAY`] outermost pixels.
+    pub fn reach(&self) -> f64 {
+        let from_middle = |i: usize| ((i as f64 + 0.5) / SIDE as f64 - 1.0).abs();
+        let pixels = self.mask.iter().enumerate().filter(|(_, p)| **p > SURE);
+        let mut all: Vec<f64> =
+            pixels.map(|(i, _)| from_middle(i / (2 * SIDE)).max(from_middle(i % (2 * SIDE)))).collect();
+        all.sort_by(|a, b| b.total_cmp(a));
+        all.get(STRAY).copied().unwrap_or(0.0)
     }
 
     /// The surface on the pixels of a grid, with albedo 1: all pixels of at least a probability.
@@ -220,24 +246,31 @@ pub fn kind(capture: &Capture) -> usize {
 #[doc(hidden)]
 pub fn input(capture: &Capture) -> Result<Vec<f32>> {
     let capture = some_of(capture)?;
-    let volume = BoxOfWall::of(&capture).bands(&capture);
+    let volume = BoxOfWall::of(&capture, None).bands(&capture);
     let rows =
         (0..BANDS * SIDE * SIDE).flat_map(|i| volume.along_z(i / (SIDE * SIDE), i / SIDE % SIDE, i % SIDE));
     Ok(rows.copied().collect())
 }
 
-/// Where the network's box lies: the middle of its face, and the width of the wall, metres.
+/// Where the network's box lies: the middle of its face, and its width, metres, which stands for that of the wall.
 pub(super) struct BoxOfWall {
     pub centre: DVec3,
     pub wall: f64,
 }
 
 impl BoxOfWall {
-    pub fn of(capture: &Capture) -> BoxOfWall {
+    /// As wide as the wall; as maps of this extent that reach beyond it, up to [`WIDEST`] walls.
+    pub fn of(capture: &Capture, extent: Option<[f64; 4]>) -> BoxOfWall {
         let [x0, x1, y0, y1] = capture.wall_extent();
         let points = || capture.laser.iter().chain(&capture.sensor);
         let base = points().map(|p| p.z).sum::<f64>() / points().count() as f64;
-        BoxOfWall { centre: dvec3(0.5 * (x0 + x1), 0.5 * (y0 + y1), base), wall: (x1 - x0).max(y1 - y0) }
+        let (centre, wall) = (dvec3(0.5 * (x0 + x1), 0.5 * (y0 + y1), base), (x1 - x0).max(y1 - y0));
+        let reach = extent.map_or(0.0, |[a, b, c, d]| {
+            [centre.x - a, b - centre.x, centre.y - c, d - centre.y].into_iter().fold(0.0, f64::max)
+        });
+        // Of what is hardly wider, as by the rounding of a file, nothing changes.
+        let wider = if 2.0 * reach > 1.01 * wall { (2.0 * reach).min(WIDEST * wall) } else { wall };
+        BoxOfWall { centre, wall: wider }
     }
 
     /// Laser and sensor point of a pair, in walls from the middle of the face.

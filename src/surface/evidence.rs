@@ -49,7 +49,7 @@ impl Known<'_> {
     pub fn evidence(&self, fit: &mut Fit) -> Result<Option<Evidence>> {
         let Known { capture, layers, maps, seen, .. } = *self;
         let Some(residuals) = fit.residuals(PAIRS)? else { return Ok(None) };
-        let wall = BoxOfWall::of(capture);
+        let wall = BoxOfWall::of(capture, Some(maps.extent));
         let [base, width] = [wall.centre.z, wall.wall];
         let walls = |z: f32| if z.is_finite() { ((f64::from(z) - base) / width) as f32 } else { NO_DEPTH };
         let count = maps.depth.len();

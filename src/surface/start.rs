@@ -161,7 +161,7 @@ pub(crate) fn seen(
     if !is_asked && options.begin != Begin::Auto {
         return Ok(None);
     }
-    let seen = LearnedStart::of(gpu, capture, memory)?.filter(|seen| {
+    let seen = LearnedStart::of(gpu, capture, Some(grid.extent()), memory)?.filter(|seen| {
         let is_trusted = is_asked || seen.expected_iou() >= TRUSTED;
         is_trusted && seen.maps(grid, learned::SURE).mask.contains(&true)
     });

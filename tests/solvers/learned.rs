@@ -121,7 +121,7 @@ fn grid(capture: &Capture) -> Grid {
 fn a_plate_is_seen_where_it_is_in_any_unit_of_length() {
     let of = |unit: f64| {
         let capture = plate(16, unit, 0.4);
-        let seen = LearnedStart::on_host(&capture).unwrap().unwrap();
+        let seen = LearnedStart::on_host(&capture, None).unwrap().unwrap();
         (seen.expected_iou(), seen.maps(&grid(&capture), 0.5))
     };
     let (expected, maps) = of(1.0);
@@ -151,8 +151,8 @@ fn kernels_see_what_the_host_sees() {
     let gpu = gpu();
     let width = 2.0;
     let capture = plate(15, width, 0.4);
-    let host = LearnedStart::on_host(&capture).unwrap().unwrap();
-    let device = LearnedStart::on_device(&gpu, &capture, None).unwrap().unwrap();
+    let host = LearnedStart::on_host(&capture, None).unwrap().unwrap();
+    let device = LearnedStart::on_device(&gpu, &capture, None, None).unwrap().unwrap();
     assert_valid(&gpu);
     let all = Maps::empty([128; 2], grid(&capture).extent());
     let [a, b] = [&host, &device].map(|seen| seen.probabilities(&all));
@@ -176,7 +176,7 @@ fn kernels_need_little_memory_and_what_does_not_fit_is_an_error() {
     println!("{bytes} bytes, {dispatches} dispatches");
     assert!(bytes < 64 << 20, "{bytes} bytes");
     // Upon this the host is asked.
-    let error = LearnedStart::on_device(&gpu(), &plate(16, 1.0, 0.4), Some(1 << 20)).unwrap_err();
+    let error = LearnedStart::on_device(&gpu(), &plate(16, 1.0, 0.4), None, Some(1 << 20)).unwrap_err();
     assert_eq!(error.kind, Kind::Memory, "{error}");
 }
 
@@ -230,7 +230,7 @@ fn light_that_a_fit_leaves_is_projected_onto_its_surface() {
 fn the_network_is_not_asked_for_what_it_has_never_seen() {
     let gpu = gpu();
     let few = plate(6, 1.0, 0.4);
-    assert!(LearnedStart::of(&gpu, &few, None).unwrap().is_none());
+    assert!(LearnedStart::of(&gpu, &few, None, None).unwrap().is_none());
     let options = SurfaceOptions::default().with(|o| {
         (o.lateral, o.iterations, o.reflectance) = (16, 2, Reflectance::Cosine);
         o.begin = Begin::Learned;

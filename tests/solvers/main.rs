@@ -23,3 +23,4 @@ mod surface;
 mod taken_off;
 mod traffic;
 mod unmirrored;
+mod wider;

@@ -372,7 +372,7 @@ impl Sides for RunningBenchmark<'_> {
 /// What the network of the learned start says alone, beside the capture that was made. `None`: too few pairs.
 fn network_alone(capture: &Capture, extent: [f64; 4], file: &Path) -> Result<Option<Foreign>> {
     let start = Instant::now();
-    let Some(seen) = LearnedStart::on_host(capture)? else { return Ok(None) };
+    let Some(seen) = LearnedStart::on_host(capture, None)? else { return Ok(None) };
     let maps = seen.maps_like(&Maps::empty([DEFAULT_RESOLUTION; 2], extent));
     let folder = file.with_extension("network");
     write_maps(&folder.join("maps.npz"), &maps)?;
