@@ -173,7 +173,7 @@ impl CaptureFinding {
 
     /// What it means for a result, as a sentence; `None` where nothing is doubtful.
     pub fn doubt(&self) -> Option<String> {
-        use FindingSource::{File, Searched, Set};
+        use FindingSource::{Empty, File, Searched, Set};
         let (what, hint, shares) = (&self.what, &self.hint, self.shares());
         Some(match (self.source, self.is_used) {
             (Searched, true) => format!("{what} ({shares}): undone here; {hint}"),
@@ -183,6 +183,7 @@ impl CaptureFinding {
             (Set | File, false) => {
                 format!("held-out pairs contradict it, so it is not used: {what} ({shares}): {hint}")
             }
+            (Empty, false) => format!("the empty room is not used: {what} ({shares}): {hint}"),
             _ => return None,
         })
     }

@@ -285,15 +285,12 @@ mod tests {
             (found(FindingSource::Searched, true), "undone here"),
             (found(FindingSource::Searched, false), "perhaps feet"),
             (found(FindingSource::File, false), "contradict"),
+            (found(FindingSource::Empty, false), "is not used: feet"),
         ] {
             let graded = of(Some(finding), 0.8);
             assert!(graded.grade == Grade::Fair && graded.reasons[0].contains(words), "{graded}");
         }
-        for finding in [
-            found(FindingSource::Set, true),
-            found(FindingSource::Named, false),
-            found(FindingSource::Empty, false),
-        ] {
+        for finding in [found(FindingSource::Set, true), found(FindingSource::Named, false)] {
             assert_eq!(of(Some(finding), 0.8).reasons.len(), without);
         }
         let samples = ResponseSamples { samples: vec![0.5, 0.0, 0.5], width: 0.01, start: 0.0 };
