@@ -565,7 +565,8 @@ impl<'j> Trials<'j> {
         let undone = self.job.with_capture(Cow::Owned(law.undone(&self.job.capture, &self.scan, numbers)));
         let delays = law.delays(&self.scan, numbers);
         let model = std::slice::from_ref(&undone.solver);
-        let seen = Trial::of_models(&undone, model, LATERAL, self.gpu, &mut Watch::of(self.hear))?.swap_remove(0);
+        let seen =
+            Trial::of_models(&undone, model, LATERAL, self.gpu, &mut Watch::of(self.hear))?.swap_remove(0);
         let begin = FitBegin { delays, ..seen.begin };
         self.tried.retain(|of| !of.is_of(law, numbers));
         let seen = self.beginning_with(begin, |trials| trials.judged(law, numbers))?;
