@@ -1,315 +1,230 @@
 //! Back-projection of the bands into the box of the network.
 
-use std::any::Any;
 use std::ops::Range;
 
-use bytemuck::{cast, cast_slice, cast_slice_mut};
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::sizes::{BANDS, DEEP, NEAR, PITCH, SAMPLES, SIDE, STEP};
 use super::tensor::Tensor;
 
-/// Voxels of a block along x, y and z.
-const BLOCK: [usize; 3] = [16, 16, 32];
-const CELLS: usize = BLOCK[0] * BLOCK[1] * BLOCK[2];
-/// Pairs whose bands are added to a block at a time: what it needs of them fits the nearest cache.
-const TOGETHER: usize = 4;
-/// Values of a line of the cache.
-const LINE: usize = 16;
+/// Columns of a tile along x and y, and voxels of it along z.
+const TILE: usize = 16;
+/// Pairs whose bands are added to a voxel at a time.
+const TOGETHER: usize = 8;
+/// Samples of a pair that a tile needs, at most: the paths in it differ by twice its diagonal.
+const WINDOW: usize = 128;
+/// Lines between those of two pairs, so that the same sample of many pairs is not in the same set of the nearest cache.
+const APART: usize = 8;
 /// Adding this to a small whole number gives a float with the number in its last bits.
-const WHOLE: f32 = 12_582_912.0;
+const WHOLE: f32 = 8_388_608.0;
 
 /// Samples of a pair's bands: none of the ones beyond those of the light has any.
-pub const ROWS: usize = SAMPLES + 2 * LINE;
+pub const ROWS: usize = SAMPLES + WINDOW + 4;
 
-/// Rows of samples, each of whole lines of the cache.
-#[repr(align(64))]
-struct BandLines([[f32; ROWS]; BANDS]);
+/// The bands of a sample and of the next one: a line of the cache.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+struct SampleLine([f32; 16]);
 
-/// A pair: laser and sensor point from the middle of the box's face, and its bands.
+/// A pair: laser and sensor point from the middle of the box's face, in walls, and its bands, [[`ROWS`]][band].
 pub struct Pair {
-    /// In samples.
-    ends: [[f32; 3]; 2],
-    /// [band][[`ROWS`]].
-    bands: Box<BandLines>,
+    laser: DVec3,
+    sensor: DVec3,
+    bands: Vec<f32>,
     /// The samples of which a band is not zero.
     lit: Range<usize>,
 }
 
 impl Pair {
-    /// Of points in walls and of bands [[`ROWS`]][band].
     pub fn new(laser: DVec3, sensor: DVec3, bands: Vec<f32>) -> Pair {
-        let is_lit = |sample: &[f32; BANDS]| sample.iter().any(|v| *v != 0.0);
-        let samples = bands.as_chunks::<BANDS>().0;
-        let first = samples.iter().position(is_lit);
-        let last = samples.iter().rposition(is_lit);
+        let is_lit = |sample: &[f32]| sample.iter().any(|v| *v != 0.0);
+        let mut samples = bands.chunks_exact(BANDS);
+        let first = samples.position(is_lit);
+        let last = bands.chunks_exact(BANDS).rposition(is_lit);
         let lit = first.zip(last).map_or(0..0, |(first, last)| first..last + 1);
-        let mut rows = Box::new(BandLines([[0.0; ROWS]; BANDS]));
-        for (band, to) in rows.0.iter_mut().enumerate() {
-            to.iter_mut().zip(samples).for_each(|(to, sample)| *to = sample[band]);
-        }
-        let ends = [laser, sensor].map(|p| (p / STEP).as_vec3().to_array());
-        Pair { ends, bands: rows, lit }
+        Pair { laser, sensor, bands, lit }
     }
 
-    /// Whether it adds anything to the voxels of a block.
-    fn reaches(&self, axes: &[Vec<f32>; 3]) -> bool {
-        let [mut near, mut far] = [0.0f32; 2];
-        for end in self.ends {
-            let [mut nearest, mut farthest] = [0.0f32; 2];
-            for (axis, at) in axes.iter().zip(end) {
-                let [below, above] = [axis[0] - at, at - axis[axis.len() - 1]];
-                nearest += below.max(above).max(0.0).powi(2);
-                farthest += below.min(above).powi(2);
-            }
-            near += nearest.sqrt();
-            far += farthest.sqrt();
-        }
-        // One more on each side for the rounding; of the last one, the sample behind it, too.
-        near - 1.0 < self.lit.end as f32 && self.lit.start as f32 <= far + 2.0
+    fn ends(&self) -> [[f32; 3]; 2] {
+        [self.laser, self.sensor].map(|p| p.as_vec3().to_array())
+    }
+
+    /// Whether it adds anything to the voxels of a tile.
+    fn reaches(&self, axes: [&[f32; TILE]; 3]) -> bool {
+        let needed = samples(self.ends(), axes);
+        // Of the last one, the sample behind it, too.
+        needed.start < self.lit.end && self.lit.start <= needed.end
     }
 }
 
 /// The bands of all pairs at the voxels of the box, summed, each with a mean square of a ninth; in the first channels of `channels`.
 pub fn project(pairs: &[Pair], channels: usize) -> Tensor {
-    let [across, runs] = [SIDE / BLOCK[1], DEEP / BLOCK[2]];
-    let blocks: Vec<Vec<f32>> = (0..SIDE / BLOCK[0] * across * runs)
+    let tiles: Vec<Vec<[f32; BANDS]>> = (0..(SIDE / TILE).pow(2) * (DEEP / TILE))
         .into_par_iter()
-        .map(|block| {
-            let at =
-                [block / runs / across * BLOCK[0], block / runs % across * BLOCK[1], block % runs * BLOCK[2]];
-            pulp::Arch::new().dispatch(ProjectedBlock { pairs, at })
+        .map(|tile| {
+            let [column, run] = [tile / (DEEP / TILE), tile % (DEEP / TILE)];
+            let at = [column / (SIDE / TILE) * TILE, column % (SIDE / TILE) * TILE, run * TILE];
+            pulp::Arch::new().dispatch(Tile { pairs, at })
         })
         .collect();
+    let squares: Vec<[f64; BANDS]> = tiles
+        .par_iter()
+        .map(|tile| {
+            let add = |sums: [f64; BANDS], v: &[f32; BANDS]| {
+                std::array::from_fn(|band| sums[band] + f64::from(v[band]).powi(2))
+            };
+            tile.iter().fold([0.0; BANDS], add)
+        })
+        .collect();
+    let cells = (SIDE * SIDE * DEEP) as f64;
     let scales: [f32; BANDS] = std::array::from_fn(|band| {
-        let square = |block: &Vec<f32>| -> f64 {
-            block[band * CELLS..][..CELLS].iter().map(|v| f64::from(*v).powi(2)).sum()
-        };
-        let mean = blocks.par_iter().map(square).sum::<f64>() / (SIDE * SIDE * DEEP) as f64;
-        (1.0 / (3.0 * mean.sqrt().max(1e-20))) as f32
+        let squares = squares.iter().map(|of| of[band]).sum::<f64>();
+        (1.0 / (3.0 * (squares / cells).sqrt().max(1e-20))) as f32
     });
     let mut volume = Tensor::zeros(channels, [SIDE, SIDE, DEEP]);
     volume.fill(|band, x, y, row| {
         if band >= BANDS {
             return;
         }
-        let column = (x / BLOCK[0] * across + y / BLOCK[1]) * runs;
-        let within = ((band * BLOCK[0] + x % BLOCK[0]) * BLOCK[1] + y % BLOCK[1]) * BLOCK[2];
-        for (block, row) in blocks[column..].iter().zip(row.chunks_exact_mut(BLOCK[2])) {
-            for (v, sum) in row.iter_mut().zip(&block[within..]) {
-                *v = (sum * scales[band]).clamp(-60.0, 60.0);
+        let column = (x / TILE * (SIDE / TILE) + y / TILE) * (DEEP / TILE);
+        let within = (x % TILE * TILE + y % TILE) * TILE;
+        for (tile, row) in tiles[column..].iter().zip(row.chunks_exact_mut(TILE)) {
+            for (v, sum) in row.iter_mut().zip(&tile[within..]) {
+                *v = (sum[band] * scales[band]).clamp(-60.0, 60.0);
             }
         }
     });
     volume
 }
 
-/// The sums over all pairs at the voxels of a block, [band][x][y][z].
-struct ProjectedBlock<'p> {
+/// The sums over all pairs at the voxels of a tile, [x][y][z].
+struct Tile<'p> {
     pairs: &'p [Pair],
     at: [usize; 3],
 }
 
-impl pulp::WithSimd for ProjectedBlock<'_> {
-    type Output = Vec<f32>;
+impl pulp::WithSimd for Tile<'_> {
+    type Output = Vec<[f32; BANDS]>;
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, simd: S) -> Vec<f32> {
-        let Tiles { wide, deep, axes, places: [xs, ys, zs], middles, before } = Tiles::<S>::of(self.at);
-        let [across, runs, tiles] = [BLOCK[1] / wide, BLOCK[2] / deep, CELLS / S::F32_LANES];
-        let zero = simd.splat_f32s(0.0);
-        let mut sums = vec![[zero; BANDS]; tiles];
-        let (mut firsts, mut froms) = (vec![0u32; TOGETHER * tiles], vec![0.0f32; TOGETHER * tiles]);
-        let whole = simd.splat_f32s(WHOLE);
-        let bits = simd.transmute_u32s_f32s(whole);
-        // Windows of the widest vectors are two lines of the cache.
-        let start = simd.splat_u32s(if S::F32_LANES == LINE { !(LINE as u32 - 1) } else { !0 });
-        let mut is_confocal = [false; TOGETHER];
-        let mut behind = vec![[[zero; 2]; TOGETHER]; runs];
-        // Most records end before the far blocks.
-        let pairs: Vec<&Pair> = self.pairs.iter().filter(|pair| pair.reaches(&axes)).collect();
-        for pairs in pairs.chunks(TOGETHER) {
-            for (p, pair) in pairs.iter().enumerate() {
-                is_confocal[p] = pair.ends[0] == pair.ends[1];
-                let to = S::as_mut_simd_u32s(&mut firsts[p * tiles..][..tiles]).0.iter_mut();
-                let froms = S::as_mut_simd_f32s(&mut froms[p * tiles..][..tiles]).0;
-                for ((to, from), [x, y, z]) in to.zip(froms).zip(&middles) {
-                    let mut path = simd.splat_f32s(-before - 0.5);
-                    for end in pair.ends {
-                        let aside = simd.add_f32s(square(simd, *x, end[0]), square(simd, *y, end[1]));
-                        path = simd
-                            .add_f32s(path, simd.sqrt_f32s(simd.add_f32s(aside, square(simd, *z, end[2]))));
-                    }
-                    let path = simd.min_f32s(simd.max_f32s(path, zero), simd.splat_f32s(SAMPLES as f32));
-                    let first = simd.sub_u32s(simd.transmute_u32s_f32s(simd.add_f32s(path, whole)), bits);
-                    *to = simd.and_u32s(first, start);
-                    *from = simd.sub_f32s(simd.transmute_f32s_u32s(simd.add_u32s(*to, bits)), whole);
-                }
-                for (to, z) in behind.iter_mut().zip(&zs) {
-                    for (to, end) in to[p].iter_mut().zip(pair.ends) {
-                        // Not zero, of which the estimate of a root is infinite.
-                        *to = simd.add_f32s(square(simd, *z, end[2]), simd.splat_f32s(1e-20));
-                    }
-                }
-            }
-            for (column, sums) in sums.chunks_exact_mut(runs).enumerate() {
-                let mut aside = [[zero; 2]; TOGETHER];
-                for (to, pair) in aside.iter_mut().zip(pairs) {
-                    for (to, [x, y, _]) in to.iter_mut().zip(pair.ends) {
-                        let x = square(simd, xs[column / across], x);
-                        *to = simd.add_f32s(x, square(simd, ys[column % across], y));
-                    }
-                }
-                for (run, sums) in sums.iter_mut().enumerate() {
-                    let (behind, tile) = (&behind[run], column * runs + run);
-                    let mut sum = *sums;
-                    for (p, pair) in pairs.iter().enumerate() {
-                        let (first, from) = (firsts[p * tiles + tile], froms[p * tiles + tile]);
-                        let a = simd.sqrt_f32s(simd.add_f32s(aside[p][0], behind[p][0]));
-                        let b = if is_confocal[p] {
-                            a
-                        } else {
-                            root(simd, simd.add_f32s(aside[p][1], behind[p][1]))
-                        };
-                        let path = simd.add_f32s(a, simd.sub_f32s(b, simd.splat_f32s(from)));
-                        let (at, share) = parts(simd, path);
-                        let rest = simd.sub_f32s(simd.splat_f32s(1.0), share);
-                        for (sum, band) in sum.iter_mut().zip(&pair.bands.0) {
-                            let [low, high] = look_up(simd, band, first, at);
-                            *sum = simd.mul_add_e_f32s(rest, low, *sum);
-                            *sum = simd.mul_add_e_f32s(share, high, *sum);
-                        }
-                    }
-                    *sums = sum;
-                }
-            }
+    fn with_simd<S: pulp::Simd>(self, simd: S) -> Vec<[f32; BANDS]> {
+        let Tile { pairs, at } = self;
+        let lateral = |k: usize| std::array::from_fn(|i| (((at[k] + i) as f64 + 0.5) * PITCH - 0.5) as f32);
+        let (xs, ys): ([f32; TILE], [f32; TILE]) = (lateral(0), lateral(1));
+        let zs: [f32; TILE] = std::array::from_fn(|z| (NEAR + ((at[2] + z) as f64 + 0.5) * PITCH) as f32);
+        let none = SampleLine([0.0; 16]);
+        let mut sums = vec![none; TILE * TILE * TILE];
+        let mut lines = vec![[none; WINDOW + APART]; TOGETHER];
+        // Most records end before the far tiles.
+        let pairs: Vec<&Pair> = pairs.iter().filter(|pair| pair.reaches([&xs, &ys, &zs])).collect();
+        let (together, alone) = pairs.as_chunks::<TOGETHER>();
+        for pairs in together {
+            add(simd, pairs, [&xs, &ys], &zs, &mut lines, &mut sums);
         }
-        in_rows::<S>(&sums, [wide, deep])
+        for pair in alone {
+            add(simd, std::array::from_ref(pair), [&xs, &ys], &zs, &mut lines, &mut sums);
+        }
+        sums.iter().map(|SampleLine(both)| std::array::from_fn(|k| both[k] + both[k + BANDS])).collect()
     }
 }
 
-/// The tiles of a block, each a vector: so few samples lie between the paths of its voxels that they are looked up in registers.
-struct Tiles<S: pulp::Simd> {
-    /// Voxels of a tile along x and y, and along z.
-    wide: usize,
-    deep: usize,
-    /// Centres of voxels along each axis, samples; the same in the lanes of tiles; and the middles of as many tiles as there are lanes.
-    axes: [Vec<f32>; 3],
-    places: [Vec<S::f32s>; 3],
-    middles: Vec<[S::f32s; 3]>,
-    /// The paths of a tile are no shorter than that of its middle less these samples.
-    before: f32,
-}
-
-impl<S: pulp::Simd> Tiles<S> {
-    /// Those of the block that begins at a voxel.
-    #[inline(always)]
-    fn of(at: [usize; 3]) -> Tiles<S> {
-        let wide = if S::F32_LANES < 4 { 1 } else { 2 };
-        let deep = S::F32_LANES / (wide * wide);
-        let [across, runs] = [BLOCK[1] / wide, BLOCK[2] / deep];
-        let axes: [Vec<f32>; 3] = std::array::from_fn(|k| {
-            let from = [-0.5, -0.5, NEAR][k];
-            let centre = |i: usize| ((from + ((at[k] + i) as f64 + 0.5) * PITCH) / STEP) as f32;
-            (0..BLOCK[k]).map(centre).collect()
-        });
-        let lanes = |values: &dyn Fn(usize) -> f32| -> S::f32s {
-            S::as_simd_f32s(&std::array::from_fn::<f32, 16, _>(values)).0[0]
-        };
-        let places = [
-            axes[0].chunks(wide).map(|x| lanes(&|i| x[i / deep / wide % wide])).collect(),
-            axes[1].chunks(wide).map(|y| lanes(&|i| y[i / deep % wide])).collect(),
-            axes[2].chunks(deep).map(|z| lanes(&|i| z[i % deep])).collect(),
-        ];
-        let middle = |k: usize, i: usize, n: usize| 0.5 * (axes[k][n * i] + axes[k][n * i + n - 1]);
-        let middles = (0..CELLS / S::F32_LANES / S::F32_LANES)
-            .map(|i| {
-                let tile = |lane: usize| i * S::F32_LANES + lane % S::F32_LANES;
-                let x = lanes(&|lane| middle(0, tile(lane) / runs / across, wide));
-                let y = lanes(&|lane| middle(1, tile(lane) / runs % across, wide));
-                [x, y, lanes(&|lane| middle(2, tile(lane) % runs, deep))]
-            })
-            .collect();
-        // Two legs of half a diagonal each, and a little for the rounding.
-        let squares = 2 * (wide - 1).pow(2) + (deep - 1).pow(2);
-        let before = ((squares as f64).sqrt() * PITCH / STEP + 0.02) as f32;
-        Tiles { wide, deep, axes, places, middles, before }
-    }
-}
-
-/// The sums of all tiles of this shape as [band][x][y][z].
-fn in_rows<S: pulp::Simd>(sums: &[[S::f32s; BANDS]], [wide, deep]: [usize; 2]) -> Vec<f32> {
-    let [across, runs] = [BLOCK[1] / wide, BLOCK[2] / deep];
-    let mut all = vec![0.0; BANDS * CELLS];
-    for (tile, sums) in sums.iter().enumerate() {
-        let [x, y, z] = [tile / runs / across * wide, tile / runs % across * wide, tile % runs * deep];
-        for (band, sum) in sums.iter().enumerate() {
-            for (i, row) in cast_slice(&[*sum]).chunks_exact(deep).enumerate() {
-                let column = (band * BLOCK[0] + x + i / wide) * BLOCK[1] + y + i % wide;
-                all[column * BLOCK[2] + z..][..deep].copy_from_slice(row);
+/// Adds the bands of some pairs to the sums of a tile: the samples before its voxels and, apart, the shares of the differences.
+#[inline(always)]
+fn add<S: pulp::Simd, const N: usize>(
+    simd: S,
+    pairs: &[&Pair; N],
+    [xs, ys]: [&[f32; TILE]; 2],
+    zs: &[f32; TILE],
+    lines: &mut [[SampleLine; WINDOW + APART]],
+    sums: &mut [SampleLine],
+) {
+    let lines: &mut [[SampleLine; WINDOW + APART]; N] = lines.first_chunk_mut().expect("lines of all pairs");
+    let mut firsts = [0; N];
+    let mut ends = [[[0.0f32; 3]; 2]; N];
+    let mut deep = [[[0.0f32; TILE]; 2]; N];
+    for p in 0..N {
+        ends[p] = pairs[p].ends();
+        let needed = samples(ends[p], [xs, ys, zs]);
+        firsts[p] = needed.start;
+        let bands = &pairs[p].bands[BANDS * firsts[p]..];
+        for (i, line) in lines[p].iter_mut().enumerate().take(needed.len()) {
+            let (two, _) = S::as_simd_f32s(&bands[BANDS * i..BANDS * i + 16]);
+            S::as_mut_simd_f32s(&mut line.0).0.copy_from_slice(two);
+        }
+        for k in 0..2 {
+            for z in 0..TILE {
+                deep[p][k][z] = (zs[z] - ends[p][k][2]) * (zs[z] - ends[p][k][2]);
             }
         }
     }
-    all
-}
-
-#[inline(always)]
-fn square<S: pulp::Simd>(simd: S, a: S::f32s, b: f32) -> S::f32s {
-    let d = simd.sub_f32s(a, simd.splat_f32s(b));
-    simd.mul_f32s(d, d)
-}
-
-/// A root of positive values beside another: of wide vectors an estimate with a step of Newton's, as roots use one unit alone.
-#[inline(always)]
-fn root<S: pulp::Simd>(simd: S, of: S::f32s) -> S::f32s {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(v4) = (&simd as &dyn Any).downcast_ref::<pulp::x86::V4>() {
-        let inverse = cast(v4.avx512f._mm512_rsqrt14_ps(cast(of)));
-        let root = simd.mul_f32s(of, inverse);
-        let error = simd.mul_add_f32s(simd.neg_f32s(root), root, of);
-        return simd.mul_add_f32s(simd.mul_f32s(inverse, simd.splat_f32s(0.5)), error, root);
-    }
-    simd.sqrt_f32s(of)
-}
-
-/// Whole numbers, in the last bits, and what is beyond them.
-#[inline(always)]
-fn parts<S: pulp::Simd>(simd: S, of: S::f32s) -> (S::u32s, S::f32s) {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(v4) = (&simd as &dyn Any).downcast_ref::<pulp::x86::V4>() {
-        let of = cast(of);
-        return (cast(v4.avx512f._mm512_cvttps_epi32(of)), cast(v4.avx512dq._mm512_reduce_ps::<1>(of)));
-    }
-    let whole = simd.splat_f32s(WHOLE);
-    let rounded = simd.add_f32s(simd.sub_f32s(of, simd.splat_f32s(0.5)), whole);
-    (simd.transmute_u32s_f32s(rounded), simd.sub_f32s(of, simd.sub_f32s(rounded, whole)))
-}
-
-/// The samples of a band at places behind the first one, and those behind them.
-#[inline(always)]
-fn look_up<S: pulp::Simd>(simd: S, band: &[f32], first: u32, at: S::u32s) -> [S::f32s; 2] {
-    let first = first.min(SAMPLES as u32) as usize;
-    #[cfg(target_arch = "x86_64")]
-    if let Some(v4) = (&simd as &dyn Any).downcast_ref::<pulp::x86::V4>() {
-        let line = |k: usize| pulp::cast(*band[first + k..].first_chunk::<LINE>().expect("a line"));
-        let ([low, high], at) = ([line(0), line(LINE)], cast(at));
-        let next = v4.avx512f._mm512_add_epi32(at, pulp::cast([1u32; LINE]));
-        return [at, next].map(|at| cast(v4.avx512f._mm512_permutex2var_ps(low, at, high)));
-    }
-    #[cfg(target_arch = "x86_64")]
-    if let Some(v3) = (&simd as &dyn Any).downcast_ref::<pulp::x86::V3>() {
-        let window = |k: usize| pulp::cast(*band[first + k..].first_chunk::<8>().expect("a window"));
-        return [window(0), window(1)].map(|of| cast(v3.avx2._mm256_permutevar8x32_ps(of, cast(at))));
-    }
-    let mut found = [simd.splat_f32s(0.0); 2];
-    for (k, found) in found.iter_mut().enumerate() {
-        let found: &mut [f32] = cast_slice_mut(std::slice::from_mut(found));
-        for (to, at) in found.iter_mut().zip(cast_slice::<_, u32>(&[at])) {
-            *to = band[first + k + *at as usize % LINE];
+    // Weights of a sample and the next one: 1 - share and share. What follows them in a line is not used.
+    let vectors = (2 * BANDS).div_ceil(S::F32_LANES);
+    let of = |values: [f32; 2]| SampleLine(std::array::from_fn(|k| values[usize::from(k >= BANDS)]));
+    let (signs, ones) = (of([-1.0, 1.0]), of([1.0, 0.0]));
+    let (signs, ones) = (S::as_simd_f32s(&signs.0).0, S::as_simd_f32s(&ones.0).0);
+    for (column, sums) in sums.as_chunks_mut::<TILE>().0.iter_mut().enumerate() {
+        let [x, y] = [xs[column / TILE], ys[column % TILE]];
+        let (mut at, mut share) = ([[0u32; TILE]; N], [[0.0f32; TILE]; N]);
+        for p in 0..N {
+            let aside = |k: usize| {
+                let [a, b, _] = ends[p][k];
+                simd.splat_f32s((x - a) * (x - a) + (y - b) * (y - b))
+            };
+            let aside = [aside(0), aside(1)];
+            let is_one = ends[p][0] == ends[p][1];
+            let (at, _) = S::as_mut_simd_u32s(&mut at[p]);
+            let (share, _) = S::as_mut_simd_f32s(&mut share[p]);
+            let [first, second] = [S::as_simd_f32s(&deep[p][0]).0, S::as_simd_f32s(&deep[p][1]).0];
+            for v in 0..TILE / S::F32_LANES {
+                let a = simd.sqrt_f32s(simd.add_f32s(aside[0], first[v]));
+                let b = if is_one { a } else { simd.sqrt_f32s(simd.add_f32s(aside[1], second[v])) };
+                let path = simd.mul_f32s(simd.add_f32s(a, b), simd.splat_f32s((1.0 / STEP) as f32));
+                // Beyond the last sample there is nothing.
+                let is_in = simd.less_than_f32s(path, simd.splat_f32s((SAMPLES - 1) as f32));
+                let path = simd.select_f32s(is_in, path, simd.splat_f32s(SAMPLES as f32));
+                // Rounded in the sum, whose last bits are the whole number: faster than a conversion with its checks.
+                let rounded =
+                    simd.add_f32s(simd.sub_f32s(path, simd.splat_f32s(0.5)), simd.splat_f32s(WHOLE));
+                at[v] = simd.sub_u32s(simd.transmute_u32s_f32s(rounded), simd.splat_u32s(firsts[p] as u32));
+                share[v] = simd.sub_f32s(path, simd.sub_f32s(rounded, simd.splat_f32s(WHOLE)));
+            }
+        }
+        for z in 0..TILE {
+            let (to, _) = S::as_mut_simd_f32s(&mut sums[z].0);
+            let mut sum = [simd.splat_f32s(0.0); 16];
+            sum[..vectors].copy_from_slice(&to[..vectors]);
+            for p in 0..N {
+                let line = &lines[p][at[p][z] as usize % WINDOW].0;
+                let (line, _) = S::as_simd_f32s(line);
+                let share = simd.splat_f32s(share[p][z]);
+                for v in 0..vectors {
+                    let is_next = v * S::F32_LANES >= BANDS;
+                    let weight = if is_next { share } else { simd.mul_add_e_f32s(share, signs[v], ones[v]) };
+                    sum[v] = simd.mul_add_e_f32s(weight, line[v], sum[v]);
+                }
+            }
+            to[..vectors].copy_from_slice(&sum[..vectors]);
         }
     }
-    found
+}
+
+/// The samples before the voxels of a tile, and one more on each side.
+fn samples(ends: [[f32; 3]; 2], axes: [&[f32; TILE]; 3]) -> Range<usize> {
+    let [mut near, mut far] = [0.0f32; 2];
+    for end in ends {
+        let [mut nearest, mut farthest] = [0.0f32; 2];
+        for (axis, at) in axes.iter().zip(end) {
+            let [below, above] = [axis[0] - at, at - axis[TILE - 1]];
+            nearest += below.max(above).max(0.0).powi(2);
+            farthest += below.min(above).powi(2);
+        }
+        near += nearest.sqrt();
+        far += farthest.sqrt();
+    }
+    let sample = |path: f32| ((path * (1.0 / STEP) as f32) as usize).min(SAMPLES);
+    let last = if sample(far) + 1 < SAMPLES { sample(far) + 1 } else { SAMPLES };
+    sample(near).saturating_sub(1)..last + 1
 }
 
 #[cfg(test)]
@@ -321,7 +236,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn blocks_beyond_the_light_are_left_out_without_a_change() {
+    fn tiles_beyond_the_light_are_left_out_without_a_change() {
         let mut random = Pcg64::seed_from_u64(1);
         let lit = 40..90;
         let pairs = |is_known: bool| -> Vec<Pair> {
@@ -360,10 +275,9 @@ mod tests {
             let side = |i: usize| (i as f64 + 0.5) / 64.0 - 0.5;
             let at = dvec3(side(x), side(y), 0.1 + (z as f64 + 0.5) / 64.0);
             let of = |p: &Pair| {
-                let leg = |end: [f32; 3]| (128.0 * at).distance(glam::Vec3::from(end).as_dvec3());
-                let path = leg(p.ends[0]) + leg(p.ends[1]);
+                let path = (at.distance(p.laser) + at.distance(p.sensor)) * 128.0;
                 let [i, w] = [path.floor(), path.fract()];
-                let band = |i: usize| p.bands.0[band].get(i).map_or(0.0, |v| f64::from(*v));
+                let band = |i: usize| p.bands.get(i * BANDS + band).map_or(0.0, |v| f64::from(*v));
                 (1.0 - w) * band(i as usize) + w * band(i as usize + 1)
             };
             pairs.iter().map(of).sum()
