@@ -43,7 +43,7 @@ def arguments():
     parser.add_argument("--unseen", nargs="+", default=[], help="folders of scenes to measure with at every checkpoint")
     parser.add_argument("--every", type=int, default=100, help="steps between checkpoints")
     parser.add_argument("--widths", type=int, nargs="+")
-    parser.add_argument("--compile", action="store_true", help="compile the network for this machine first (about a minute; needs a C++ compiler): half to a fifth of the time a step")
+    parser.add_argument("--compile", action="store_true", help="compile the network for this machine first (about a minute; needs a C++ compiler): a little more than half of the time a step")
     parser.add_argument("--threads", type=int, help="of the processor")
     given = parser.parse_args()
     if given.teacher and given.crop:
@@ -235,7 +235,7 @@ def main():
     given.out.mkdir(parents=True, exist_ok=True)
     parameters, operations = network.cost(type(net)(net.widths))
     print(f"{parameters} parameters, {operations / 1e9:.2f} GFLOP, from step {about['step']}, on {device}", flush=True)
-    # Normalisation, activations and sums in one pass of memory: half to a fifth of the time on processors, after a minute of compiling.
+    # Normalisation, activations and sums in one pass of memory: a little more than half of the time on processors, after a minute of compiling.
     lost = torch.compile(loss_of) if given.compile else loss_of
     asked = []
     for by in (signal.SIGINT, signal.SIGTERM):

@@ -53,7 +53,7 @@ fn quick(options: &SolverOptions, pixels: usize) -> SurfaceOptions {
     })
 }
 
-/// The capture of a job in the bins of short fits of so many lateral pixels, their grid, and their options.
+/// The capture of a job in the bins of short fits, their grid of `pixels` lateral pixels, and their options.
 ///
 /// # Errors
 /// Too few pairs, or a box that the capture does not allow.
@@ -304,7 +304,7 @@ pub(crate) fn fit_all(
 }
 
 impl<'c> Trial<'c> {
-    /// Fits of the job's capture by these models with so many lateral pixels, from what the network or a closed form sees.
+    /// Fits of the job's capture by these models, on `pixels` lateral pixels, from what the network or a closed form sees.
     ///
     /// # Errors
     /// Too few pairs, or a box that the capture does not allow; the device fails, or the watch cancels.
